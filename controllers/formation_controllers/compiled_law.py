@@ -40,7 +40,8 @@ class CompiledLaw(Controller[G], Generic[G]):
         The start of a team: a compiled function of inputs and records, which sets the state; it is zero before, but for
         the states `prepared`. A law that has none implements `start_states`.
     prepared : tuple of str
-        States that `begin` leaves as they are: a law with such states sets them in its `on_start`.
+        States that `begin` leaves as they are: the class that states them sets them in its `on_start`, and nothing else
+        but by the `on_start` of `CompiledLaw`.
     """
 
     interface: ClassVar[str] = "1.4"
@@ -110,18 +111,29 @@ class CompiledLaw(Controller[G], Generic[G]):
 
     def compiled_tick(self) -> CompiledTick | None:
         """Return the law's tick and its records, unless a subclass steps in another way."""
-        own = type(self)
-        if own.step is not Controller.step or own.on_step is not CompiledLaw.on_step:
+        if not self._is_as_here("step", "on_step", "telemetry_record", "_checked", "_checked_velocity", "_inputs"):
             return None
-        return CompiledTick(own.tick, self._records)
+        return CompiledTick(type(self).tick, self._records)
 
     def compiled_start(self) -> CompiledStart | None:
-        """Return the law's start and its records, unless it has none or a subclass starts in another way."""
+        """Return the law's start and its records, unless it has none or a subclass starts in another way.
+
+        A class with states `prepared` sets them in an `on_start` of its own. A subclass of it with another `on_start`,
+        or with other such states, states both.
+        """
         own = type(self)
-        is_plain = own.on_start is CompiledLaw.on_start or bool(own.prepared)
-        if own.begin is None or not is_plain or own.start_states is not CompiledLaw.start_states:
+        starting = vars(next(one for one in own.__mro__ if "on_start" in vars(one)))
+        prepares = bool(own.prepared) and starting.get("prepared") == own.prepared and "on_start" not in vars(self)
+        if own.begin is None or not (prepares or self._is_as_here("on_start")):
+            return None
+        if not self._is_as_here("start", "start_states", "_checked", "_inputs", "_clear"):
             return None
         return CompiledStart(own.begin, self._records, own.prepared)
+
+    def _is_as_here(self, *names: str) -> bool:
+        """Tell whether neither a subclass nor this object has something else under names of this class."""
+        own = type(self)
+        return all(getattr(own, name) is getattr(CompiledLaw, name) and name not in vars(self) for name in names)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the compiled code, which another process has at another place."""

@@ -14,7 +14,7 @@ import os
 import sys
 import sysconfig
 from collections import ChainMap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache, cached_property
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -24,6 +24,7 @@ from weakref import WeakKeyDictionary
 import numba
 import numpy as np
 from numba.core import caching, compiler, dispatcher, types
+from numba.core.extending import _Intrinsic
 from numba.core.typing import templates
 
 _LIBRARIES = tuple(os.path.join(package.__path__[0], "") for package in (np, numba))
@@ -71,7 +72,8 @@ def of_function(function: Any, own: frozenset[str]) -> str:
     """Return a checksum of what the code of a function depends on, but for the types of its arguments.
 
     That is its text, its options, and all that the text refers to, one through the other. Functions of Python, NumPy
-    and Numba are known by their names, and so are those of own files: the caller adds versions.
+    and Numba are known by their names, and so are the texts of own files: the caller adds versions. What an own text
+    refers to is described as that of any other, as a program may put something else in its place.
 
     Parameters
     ----------
@@ -103,8 +105,13 @@ def steady(function: Any, own: frozenset[str]) -> bool:
     description = _Description(own)
     for _ in description.value(function):
         pass
-    compiled = [each for each in description.functions() if each is not function and each.overloads]
-    known = [each in _states and remember(each, own) for each in compiled]
+    # Of a function that Numba has registered nobody knows whether it is compiled already.
+    compiled = [each for each in description.functions() if isinstance(each, FunctionType) or each.overloads]
+    known = [
+        (isinstance(each, FunctionType) or each in _states) and remember(each, own)
+        for each in compiled
+        if each is not function
+    ]
     return all(known)
 
 
@@ -142,8 +149,8 @@ class _Description:
         return _extended(self._own)
 
     def functions(self) -> list[Any]:
-        """Return the compiled functions that were described."""
-        return [value for _, value in self._seen.values() if isinstance(value, dispatcher.Dispatcher)]
+        """Return the functions that were described."""
+        return [value for _, value in self._seen.values() if isinstance(value, (dispatcher.Dispatcher, FunctionType))]
 
     def each(self, values: Iterable[Any]) -> Iterator[str]:
         values = list(values)
@@ -207,7 +214,9 @@ class _Description:
         elif isinstance(value, type):
             yield from self._class(value)
         elif isinstance(value, FunctionType) and value.__code__.co_filename in self._own:
-            yield f"own {value.__module__} {value.__qualname__}"
+            yield from self._function(value)
+        elif isinstance(value, _Intrinsic) and value._defn.__code__.co_filename in self._own:
+            yield f"intrinsic {_place(value._defn)}"
         else:
             raise Unknown(f"a {type(value).__module__}.{type(value).__qualname__}")
         self._within.pop()
@@ -219,20 +228,37 @@ class _Description:
             raise Unknown("a function that Numba keeps by the time of its file")
         yield "compiled"
         yield from self.each([function.targetoptions, function.locals])
-        python, text = function.py_func, function.py_func.__code__
-        own = text.co_filename in self._own
-        if own:
-            yield f"own {python.__module__} {python.__qualname__}"
-        else:
-            self._refuse_extended("operator", *_names(text))
-            yield from self.each([text, python.__defaults__, python.__kwdefaults__])
+        yield from self._function(function.py_func)
+
+    def _function(self, python: FunctionType) -> Iterator[str]:
+        """Describe a text, its defaults, and all that it refers to."""
+        text = python.__code__
+        yield from self.each([python.__defaults__, python.__kwdefaults__])
         cells = zip(text.co_freevars, python.__closure__ or (), strict=True)
-        meanings: ChainMap[str, Any] = ChainMap({name: cell.cell_contents for name, cell in cells})
-        if not own:
-            meanings.maps += [python.__globals__, vars(builtins)]
-        for name, *attributes in _references(text) if meanings else ():
+        meanings: ChainMap[str, Any] = ChainMap({name: cell.cell_contents for name, cell in cells}, python.__globals__)
+        if text.co_filename in self._own:
+            yield f"own {_place(python)}"
+            yield from self._named(meanings, _globals(text), _names(text))
+            return
+        self._refuse_extended("operator", *_names(text))
+        yield from self.value(text)
+        meanings.maps.append(vars(builtins))
+        for name, *attributes in _references(text):
             if name in meanings:
                 yield from self._reference(meanings[name], name, attributes)
+
+    def _named(self, meanings: Mapping[str, Any], names: Iterable[str], attributes: tuple[str, ...]) -> Iterator[str]:
+        """Describe what names of an own text mean; of a module, all attributes of names in the text."""
+        for name in names:
+            if name not in meanings:
+                continue
+            value = meanings[name]
+            yield name
+            if not isinstance(value, ModuleType):
+                yield from self.value(value)
+            elif not _library(value):
+                others = (name for name in attributes if not isinstance(vars(value).get(name), ModuleType))
+                yield from self._named(vars(value), others, ())
 
     def _reference(self, value: Any, name: str, attributes: list[str]) -> Iterator[str]:
         """Describe what a text means by a name and the attributes that it takes of that, such as np.linalg.norm."""
@@ -297,10 +323,31 @@ def _text(code: CodeType) -> str:
     return checksum(_Description(frozenset()).each(getattr(code, name, None) for name in _TEXT))
 
 
+def _place(function: FunctionType) -> str:
+    """Return which function of a known file one is."""
+    return f"{function.__module__} {function.__qualname__} {function.__code__.co_firstlineno}"
+
+
 @cache
-def _names(code: CodeType) -> frozenset[str]:
-    """Return all names in a text and in those within it."""
-    return frozenset(code.co_names).union(*(_names(one) for one in code.co_consts if isinstance(one, CodeType)))
+def _names(code: CodeType) -> tuple[str, ...]:
+    """Return all names in a text and in those within it, in order: globals and attributes."""
+    within = (_names(one) for one in code.co_consts if isinstance(one, CodeType))
+    return tuple(sorted(set(code.co_names).union(*within)))
+
+
+@cache
+def _globals(code: CodeType) -> tuple[str, ...]:
+    """Return the names that a text, or one within it, takes from elsewhere: of `_references` the first, much sooner."""
+    found, more = set(code.co_freevars), 0
+    for operation, argument in zip(code.co_code[::2], code.co_code[1::2], strict=True):
+        if operation == _LOAD_GLOBAL:
+            found.add(code.co_names[(more | argument) >> 1])
+        more = (more | argument) << 8 if operation == dis.EXTENDED_ARG else 0
+    within = (_globals(one) for one in code.co_consts if isinstance(one, CodeType))
+    return tuple(sorted(found.union(*within)))
+
+
+_LOAD_GLOBAL = dis.opmap["LOAD_GLOBAL"]
 
 
 @cache

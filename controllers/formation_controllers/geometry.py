@@ -14,6 +14,7 @@ from formation_controllers import kinematics
 from formation_controllers.columns import BLOCK, columns, sin_cos_of
 from formation_controllers.compiled import compiled, vectors_of_four
 from formation_controllers.errors import ControllerError
+from formation_controllers.input_checks import as_floats
 from formation_controllers.interface import Floats
 from formation_controllers.kinematics import UNKNOWN, Direction, Geometry, Pose, PostureError, geometry_of
 from formation_controllers.vehicles import CarLike, Vehicle
@@ -127,9 +128,9 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
     ControllerError
         If the shapes do not fit.
     """
-    course = np.array(bearing, dtype=float, order="C")
+    course = np.array(as_floats("the bearing", bearing), order="C")
     try:
-        wanted = np.broadcast_to(np.asarray(desired, dtype=float), course.shape)
+        wanted = np.broadcast_to(as_floats("the desired bearing", desired), course.shape)
     except ValueError:
         raise ControllerError(f"the desired bearing does not broadcast to {course.shape}") from None
     if course.ndim == 0:
@@ -140,11 +141,11 @@ def unwrapped_bearing(bearing: ArrayLike, desired: ArrayLike) -> Floats:
 
 
 def formation_courses(
-    pose: Floats,
-    leader_pose: Floats,
-    desired: Floats,
+    pose: ArrayLike,
+    leader_pose: ArrayLike,
+    desired: ArrayLike,
     vehicle: Vehicle,
-    before: Floats | None = None,
+    before: ArrayLike | None = None,
     out: Floats | None = None,
 ) -> Floats:
     """Range, bearing and their errors of followers over time: `range_bearing`, unwrapped, less the desired place.
@@ -163,7 +164,7 @@ def formation_courses(
         Bearings (N,) at the sample before, for a later part of a course; without them the first bearings take the turns
         nearest to the desired ones.
     out
-        Gets the courses, as NumPy's functions take it; without it, a new array.
+        Gets the courses: a writable array of doubles (4, N, T). Without it, a new array.
 
     Returns
     -------
@@ -173,22 +174,33 @@ def formation_courses(
     Raises
     ------
     ControllerError
-        If the shapes do not fit, or the vehicle does not state its formation.
+        If the shapes do not fit, `out` is no such array, or the vehicle does not state its formation.
     """
-    geometry, samples = geometry_of(vehicle), len(pose)
+    geometry = geometry_of(vehicle)
+    poses, leaders = as_floats("the pose", pose), as_floats("the leader's pose", leader_pose)
+    places = as_floats("the desired place", desired)
     if (
-        pose.shape != (*desired.shape[:2], len(vehicle.pose))
-        or desired.shape[2:] != (2,)
-        or leader_pose.ndim != 2
-        or len(leader_pose) != samples
-        or leader_pose.shape[1] < 3
+        poses.shape != (*places.shape[:2], len(vehicle.pose))
+        or places.shape[2:] != (2,)
+        or leaders.ndim != 2
+        or len(leaders) != len(poses)
+        or leaders.shape[1] < 3
     ):
-        shapes = ", ".join(str(array.shape) for array in (pose, leader_pose, desired))
+        shapes = ", ".join(str(array.shape) for array in (poses, leaders, places))
         raise ControllerError(f"poses, the leader's and desired places have shapes {shapes}, which do not fit")
-    courses = np.empty((4, pose.shape[1], samples)) if out is None else out
+    samples, size = poses.shape[:2]
+    last = None if before is None else as_floats("before", before).copy()
+    if last is not None and last.shape != (size,):
+        raise ControllerError(f"before has shape {last.shape}: expected {(size,)}")
+    courses = np.empty((4, size, samples)) if out is None else out
+    if not (isinstance(courses, np.ndarray) and courses.dtype == float and courses.shape == (4, size, samples)):
+        given = f"{courses.dtype} {courses.shape}" if isinstance(courses, np.ndarray) else type(courses).__name__
+        raise ControllerError(f"out is {given}: expected an array of float64 {(4, size, samples)}")
+    if not (courses.flags.writeable and courses.flags.aligned):
+        raise ControllerError("out is an array that cannot be written to, or whose numbers are not aligned")
     if samples:
-        last = np.array(desired[0, :, 1] if before is None else before, dtype=float)
-        _formation_courses(pose, leader_pose, desired, last, geometry, columns(_COURSE)[0], courses)
+        last = places[0, :, 1].copy() if last is None else last
+        _formation_courses(poses, leaders, places, last, geometry, columns(_COURSE)[0], courses)
     return courses
 
 
@@ -219,7 +231,12 @@ def first_range_bearing(pose: ArrayLike, leader_pose: ArrayLike, desired: ArrayL
         If the shapes do not fit, or the vehicle does not state its formation.
     """
     q = range_bearing(pose, leader_pose, vehicle)
-    q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], np.asarray(desired)[np.newaxis, :, 1])[0]
+    places = as_floats("the desired place", desired)
+    if q.ndim != 2 or places.ndim != 2 or places.shape[1] != 2:
+        raise ControllerError(
+            f"range, bearing and desired places have shapes {q.shape}, {places.shape}: expected (N, 2)"
+        )
+    q[:, 1] = unwrapped_bearing(q[np.newaxis, :, 1], places[np.newaxis, :, 1])[0]
     return q
 
 
@@ -252,7 +269,7 @@ def formation_rates(
     geometry = geometry_of(vehicle)
     poses, leaders, shape = _pairs(pose, leader_pose, len(vehicle.pose))
     try:
-        speeds = np.ascontiguousarray(np.broadcast_to(np.asarray(leader_speed, dtype=float), shape)).ravel()
+        speeds = np.ascontiguousarray(np.broadcast_to(as_floats("the leader's speed", leader_speed), shape)).ravel()
     except ValueError:
         raise ControllerError(f"the leader's speed does not broadcast to {shape}") from None
     r, delta = np.empty((len(poses), 4)), np.empty((len(poses), 2))
@@ -294,7 +311,7 @@ _FOUR = geometry_of(CarLike(1.0))
 
 def _pairs(pose: ArrayLike, leader_pose: ArrayLike, entries: int) -> tuple[Floats, Floats, tuple[int, ...]]:
     """Broadcast two arrays of poses; return them as (M, entries) and the leading shape."""
-    a, b = np.asarray(pose, dtype=float), np.asarray(leader_pose, dtype=float)
+    a, b = as_floats("the pose", pose), as_floats("the leader's pose", leader_pose)
     try:
         a, b = np.broadcast_arrays(a, b)
     except ValueError:

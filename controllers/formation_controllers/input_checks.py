@@ -38,10 +38,8 @@ def fits(value: object, shape: tuple[int, ...]) -> bool:
     return type(value) is np.ndarray and value.dtype is _FLOAT and value.shape == shape and value.flags.carray
 
 
-def converted(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """Return a value as an array that `fits`, or refuse it by name."""
-    if fits(value, shape):
-        return value  # type: ignore[return-value]
+def as_floats(name: str, value: ArrayLike) -> Floats:
+    """Return a value as an array of floats of any shape and layout, or refuse it by name."""
     if np.ma.is_masked(value) or (isinstance(value, list | tuple) and any(map(np.ma.is_masked, value))):
         raise ControllerError(f"{name} has masked numbers, which no law can use")
     try:
@@ -51,9 +49,16 @@ def converted(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
                 raise TypeError
             if value.dtype.kind == "O" and any(isinstance(item, str | bytes) for item in value.flat):
                 raise TypeError
-        array = np.asarray(value, dtype=float, order="C")
+        return np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ControllerError(f"{name} is not an array of numbers") from None
+
+
+def converted(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return a value as an array that `fits`, or refuse it by name."""
+    if fits(value, shape):
+        return value  # type: ignore[return-value]
+    array = np.asarray(as_floats(name, value), order="C")
     if array.shape != shape:
         raise ControllerError(f"{name} has shape {array.shape}: expected {shape}")
     return array if array.flags.writeable else array.copy()

@@ -63,6 +63,7 @@ class Team:
             raise ControllerError(f"the team has {self.size} followers: it needs at least one")
         if not is_positive(self.period):
             raise ControllerError(f"the period is {self.period} s: it must be a positive time")
+        object.__setattr__(self, "period", float(self.period))  # laws compute with doubles, not with fractions
 
 
 class Leader(NamedTuple):

@@ -32,7 +32,7 @@ from formation_controllers.compiled import part
 from formation_controllers.elementary import atan2, floor, sin_cos, sin_cos_tan, sqrt
 from formation_controllers.errors import ControllerError
 from formation_controllers.interface import Floats
-from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, formation_of, torques_of
+from formation_controllers.vehicles import STEERINGS, TORQUE_FORMS, Vehicle, formation_of, torques_of, vehicle_fault
 
 STEERS_NOT: Final = STEERINGS.index("none")
 BY_ANGLE: Final = STEERINGS.index("angle")
@@ -119,6 +119,8 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
     formation, torques = formation_of(vehicle), torques_of(vehicle)
     if isinstance(vehicle, type) or formation is None:
         raise ControllerError(f"the vehicle is {vehicle!r}: expected one that states its formation, such as a CarLike")
+    if fault := vehicle_fault(vehicle):  # compiled code reads as many entries of a pose as the formation needs
+        raise ControllerError(f"the vehicle is {vehicle!r}: {fault}")
     length = float(formation.length)
     return Geometry(
         STEERINGS.index(formation.steering),

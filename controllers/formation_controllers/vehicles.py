@@ -358,10 +358,15 @@ def _formation_fault(vehicle: Vehicle) -> str:
 
 def is_positive(value: object) -> bool:
     """Tell whether a value is a positive and finite real number."""
+    return is_finite(value) and float(value) > 0  # type: ignore[arg-type]
+
+
+def is_finite(value: object) -> bool:
+    """Tell whether a value is a real number, no truth value, that is finite as a double."""
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return False
     try:
-        return math.isfinite(value) and float(value) > 0
+        return math.isfinite(value)
     except OverflowError:
         return False
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -125,6 +126,20 @@ def test_inputs_may_be_lists_read_only_or_strided():
 def test_an_impossible_team_is_refused(team, message):
     with pytest.raises(ControllerError, match=message):
         Team(**{"vehicle": CarLike(1.2), "size": 3, "period": 0.02} | team)
+
+
+@pytest.mark.parametrize("name", ["lqg", "observer-pid"])
+def test_a_period_may_be_a_fraction(name):
+    pose, leader = np.array([[-5.0, 0.0, 0.0, 0.0]]), Leader(np.zeros(4), np.array([0.3, 0.0]))
+    desired = Desired(np.array([[3.0, 0.5]]), np.zeros((1, 2)), np.zeros((1, 2)))
+    torques = []
+    for period in (Fraction(1, 50), 0.02):
+        team = Team(CarLike(1.2), 1, period)
+        assert type(team.period) is float
+        controller = load(name)(team)
+        controller.start(pose, leader, desired)
+        torques.append(controller.step(pose, leader, desired))
+    np.testing.assert_array_equal(*torques)
 
 
 @pytest.mark.parametrize("value", ["1.2", None, True, 1j, [1.2], np.array([1.2]), 10**400, math.nan, -1])

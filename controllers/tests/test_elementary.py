@@ -101,6 +101,13 @@ def test_small_matrices_agree_with_numpy():
     np.testing.assert_allclose(Gamma, [[0.25], [1.0]], rtol=1e-15)
 
 
+def test_a_slow_mode_is_found_beside_a_fast_one():
+    """Two integrators, each with a price: x = (q + sqrt(q^2 + 4 q))/2. The cheap one takes 1e15 periods."""
+    prices = np.array([1.0, 1e-30])
+    found = riccati(np.eye(2), np.eye(2), np.diag(prices), np.eye(2))
+    np.testing.assert_allclose(np.diag(found), (prices + np.sqrt(prices**2 + 4 * prices)) / 2, rtol=1e-6)
+
+
 def test_what_has_no_solution_is_refused():
     for singular in (np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 4.0]]), np.full((2, 2), math.nan)):
         with pytest.raises(np.linalg.LinAlgError):

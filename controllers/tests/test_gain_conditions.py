@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -387,3 +388,77 @@ def test_a_region_of_attraction_that_cannot_be_asked_for_is_refused():
     for constant in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(ControllerError, match=r"the constant l is .*: it must be positive and finite"):
             region_of_attraction(SATISFYING, SMALL, l=constant)
+
+
+# Numbers at the edge of double precision, and what is no number -----------------------------------------------------
+
+
+def test_a_double_root_is_real_whichever_way_it_is_rounded():
+    """As decimals, Lambda_0 = 2 a and Lambda_1 = a^2: their discriminant is zero, that of the doubles often is not."""
+    below = 0
+    for i in range(1, 500):
+        a = i / 100
+        gains = replace(PRINTED, Lambda_0=round(2 * a, 2), Lambda_1=round(a * a, 4))
+        report = check_gains(gains, BOUNDS)
+        assert report.discriminant == 0.0
+        assert report.alpha == pytest.approx(a, rel=1e-15)
+        assert report.beta == pytest.approx(a, rel=1e-15)
+        below += gains.Lambda_0[0] ** 2 - 4 * gains.Lambda_1[0] < 0
+    assert below > 50
+    satisfied = replace(PRINTED, Lambda_0=2.26, Lambda_1=1.2769, K_p=100, k_d=1e4)
+    assert check_gains(satisfied, Bounds(0, 0, 0, 0, 0, 5, 50)).satisfied
+    apart = replace(satisfied, Lambda_1=1.2769 * (1 + 1e-15))
+    assert check_gains(apart, BOUNDS).discriminant < 0
+    assert math.isnan(check_gains(apart, BOUNDS).alpha)
+
+
+@pytest.mark.parametrize(
+    ("total", "product", "larger", "smaller"),
+    [
+        (1e160, 1e308, 1e160, 1e148),
+        (1e300, 1.0, 1e300, 1e-300),
+        (1.7e308, 1.7e308, 1.7e308, 1.0),
+        (2e-160, 7.5e-321, 1.5e-160, 5e-161),
+        (1e-170, 1e-300, math.nan, math.nan),
+        (1e-170, 1e308, math.nan, math.nan),
+    ],
+)
+def test_roots_of_numbers_whose_squares_are_none(total, product, larger, smaller):
+    report = check_gains(replace(PRINTED, Lambda_0=total, Lambda_1=product), BOUNDS)
+    assert sorted((report.alpha, report.beta)) == pytest.approx([smaller, larger], rel=5e-3, abs=0.0, nan_ok=True)
+    assert (report.discriminant < 0) == math.isnan(larger)
+
+
+@pytest.mark.parametrize(
+    "bearings", [np.array([5j + 0.1]), ["0.1"], "0.1", [True], [0.1, True], [10**400], [0.1, None], [[0.1], [0.1, 0.2]]]
+)
+def test_what_is_no_number_is_no_bearing(bearings):
+    with pytest.raises(ControllerError, match="the desired bearing is"):
+        check_gains(PRINTED, BOUNDS, bearings)
+
+
+def test_a_masked_bearing_is_refused():
+    with pytest.raises(ControllerError, match="the desired bearing is"):
+        check_gains(PRINTED, BOUNDS, np.ma.masked_array([0.1, 9.0], mask=[False, True]))
+
+
+def test_every_refusal_is_a_controller_error():
+    with pytest.raises(ControllerError, match=r"unknown condition '43'; known: \(39\), \(40\), \(41\), \(42\)"):
+        check_gains(PRINTED, BOUNDS)["43"]
+    with pytest.raises(ControllerError, match="the bound c_1 is 1000"):
+        replace(BOUNDS, c_1=10**400)
+    for l in ("a", None, 1j, True, 10**400, math.nan):  # noqa: E741
+        with pytest.raises(ControllerError, match="the constant l is"):
+            propose_gains(PRINTED, BOUNDS, l=l)
+    for l in ("a", 1j, True, 10**400):  # noqa: E741
+        with pytest.raises(ControllerError, match="the constant l is"):
+            region_of_attraction(PRINTED, replace(BOUNDS, lambda_M=6), l=l)
+    for margin in ("a", None, 1j, True, 10**400, math.nan):
+        with pytest.raises(ControllerError, match="the margin is"):
+            propose_gains(PRINTED, BOUNDS, margin=margin)
+
+
+def test_bounds_are_doubles():
+    exact = Bounds(*map(Fraction, ("1/10", "1/5", "1", "3", "1", "5", "4")))
+    assert exact == Bounds(0.1, 0.2, 1.0, 3.0, 1.0, 5.0, 4.0)
+    assert all(type(value) is float for name, value in vars(exact).items() if name != "lambda_M")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from formation_controllers import CarLike, ControllerError, DifferentialDrive, TractorTrailer, kinematics
 from formation_controllers.geometry import (
+    first_range_bearing,
     formation_courses,
     formation_rates,
     input_matrix,
@@ -306,6 +307,60 @@ def test_courses_are_range_and_bearing_unwrapped_less_the_desired_place(vehicle,
 def test_courses_of_other_shapes_are_refused():
     with pytest.raises(ControllerError, match=r"shapes \(5, 2, 4\), \(4, 4\), \(5, 2, 2\), which do not fit"):
         formation_courses(np.zeros((5, 2, 4)), np.zeros((4, 4)), np.zeros((5, 2, 2)), CAR)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"out": np.empty((4, 1, 1))}, r"out is float64 \(4, 1, 1\): expected an array of float64 \(4, 3, 5\)"),
+        ({"out": np.empty((4, 5, 3))}, r"out is float64 \(4, 5, 3\)"),
+        ({"out": np.empty((4, 3, 5), np.float32)}, r"out is float32 \(4, 3, 5\)"),
+        ({"out": np.empty((4, 3, 5), ">f8")}, r"out is >f8 \(4, 3, 5\)"),
+        ({"out": [[[0.0] * 5] * 3] * 4}, "out is list"),
+        ({"out": np.broadcast_to(np.empty((4, 3, 1)), (4, 3, 5))}, "cannot be written to"),
+        ({"before": np.zeros(1)}, r"before has shape \(1,\): expected \(3,\)"),
+        ({"before": 0.0}, r"before has shape \(\): expected \(3,\)"),
+        ({"before": ["0", "0", "0"]}, "before is not an array of numbers"),
+        ({"pose": np.zeros((5, 3, 4), complex)}, "the pose is not an array of numbers"),
+        ({"pose": 0.0}, "which do not fit"),
+    ],
+)
+def test_arrays_that_compiled_code_would_leave_are_refused(given, message):
+    arguments = {"pose": np.zeros((5, 3, 4)), "leader_pose": np.zeros((5, 4)), "desired": np.ones((5, 3, 2))}
+    with pytest.raises(ControllerError, match=message):
+        formation_courses(**arguments | given, vehicle=CAR)
+
+
+def test_courses_are_filled_into_any_array_of_their_shape():
+    pose, leader, desired = np.ones((5, 3, 4)), np.zeros((5, 4)), np.ones((5, 3, 2))
+    expected = formation_courses(pose, leader, desired, CAR)
+    for out in (np.zeros((4, 3, 5)), np.zeros((5, 3, 4)).T, np.zeros((8, 6, 10))[::-2, ::2, ::-2]):
+        assert formation_courses(pose, leader, desired, CAR, out=out) is out
+        np.testing.assert_array_equal(out, expected)
+    lists = formation_courses(pose.tolist(), leader.tolist(), desired.tolist(), CAR, before=[0, 0, 0])
+    np.testing.assert_array_equal(lists[0], expected[0])
+
+
+def test_a_vehicle_whose_pose_is_too_short_for_its_formation_is_refused():
+    class Short(CarLike):
+        pose = CarLike.pose[:3]
+
+    short, poses = Short(1.2), np.zeros((2, 3))
+    for call in (
+        lambda: posture_error(poses, poses, short),
+        lambda: posture_error_rates(poses, poses, short),
+        lambda: range_bearing(poses, poses, short),
+        lambda: formation_rates(poses, poses, 0.0, short),
+        lambda: input_matrix(poses, short),
+    ):
+        with pytest.raises(ControllerError, match="but its pose has no fourth entry"):
+            call()
+
+
+def test_first_places_of_other_shapes_are_refused():
+    for poses, desired in ((np.zeros((2, 4)), np.zeros(2)), (np.zeros(4), np.zeros((1, 2))), (np.zeros((2, 4)), 0.0)):
+        with pytest.raises(ControllerError, match=r"expected \(N, 2\)"):
+            first_range_bearing(poses, np.zeros(4), desired, CAR)
 
 
 def test_bearings_without_time_or_with_another_shape_are_refused():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import importlib.util
 import os
+import pkgutil
 import subprocess
 import sys
 import warnings
@@ -12,11 +13,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import formation_controllers
 import numba
 import numpy as np
 import pytest
-from formation_controllers.compiled import compiled
+from formation_controllers import elementary, neural_adaptive_pid, observer_pid, projection, velocity_observer
+from formation_controllers.compiled import _OWN, compiled
+from formation_controllers.dependencies import _globals, _references, of_function, steady
 from formation_controllers.kept import Files, trusted
+from numba.core.dispatcher import Dispatcher
 
 posix = pytest.mark.skipif(os.name != "posix", reason="rights of POSIX")
 
@@ -625,3 +630,78 @@ def test_bounds_are_checked_if_they_shall(tmp_path: Path) -> None:
     call = "import numpy as np, law\ntry: law.law(np.ones(3)); print('unseen')\nexcept IndexError: print('seen')"
     assert printed(call, tmp_path) == "unseen"
     assert printed("import os; os.environ['NUMBA_BOUNDSCHECK'] = '1'\n" + call, tmp_path) == "seen"
+
+
+# Own files, whose texts are known by their checksum: what they refer to can still be changed in memory -----------
+
+jit = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")  # type: ignore[attr-defined]
+
+
+@compiled
+def replacing(p: float, q_tilde: float, Lambda_0: float, k_d: float) -> float:
+    """Return another rate than `rate_estimate`."""
+    return 0.0 * p
+
+
+@jit
+@pytest.mark.parametrize(
+    ("module", "name", "value", "law"),
+    [
+        (projection, "ON_BOUND", 0.0, neural_adaptive_pid),
+        (velocity_observer, "rate_estimate", replacing, observer_pid),
+        (observer_pid, "estimate", replacing, observer_pid),
+        (observer_pid, "velocity_observer", projection, observer_pid),
+        (elementary, "HALF_PI", 1.5, observer_pid),
+        (elementary, "copysign", elementary.sqrt, observer_pid),
+    ],
+)
+def test_what_is_changed_in_an_own_module_counts(
+    monkeypatch: pytest.MonkeyPatch, module: Any, name: str, value: Any, law: Any
+) -> None:
+    before = of_function(law.tick, _OWN.files)
+    assert steady(law.tick, _OWN.files)
+    with monkeypatch.context() as change:
+        assert hasattr(module, name)
+        change.setattr(module, name, value)
+        assert of_function(law.tick, _OWN.files) != before
+    assert of_function(law.tick, _OWN.files) == before
+
+
+@jit
+def test_a_change_below_a_function_that_numba_has_registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may be compiled already, with the constant of before: nothing is kept that calls it."""
+    assert steady(neural_adaptive_pid.tick, _OWN.files)
+    monkeypatch.setattr(elementary, "EXP_3", 0.0)
+    assert not steady(neural_adaptive_pid.tick, _OWN.files)
+
+
+@jit
+def test_every_own_function_can_be_described() -> None:
+    """One that cannot be would be compiled at each start; and the names that it takes are found in a shorter way."""
+    described = 0
+    for found in pkgutil.walk_packages(formation_controllers.__path__, "formation_controllers."):
+        for function in vars(importlib.import_module(found.name)).values():
+            if isinstance(function, Dispatcher):
+                assert of_function(function, _OWN.files)
+                code = function.py_func.__code__
+                assert set(_globals(code)) == {name for name, *_ in _references(code)}
+                described += 1
+    assert described > 50
+
+
+def test_more_names_than_one_byte_counts() -> None:
+    names = [f"name_{i}" for i in range(300)]
+    space: dict[str, Any] = {}
+    exec(f"def f():\n    return {' + '.join(names)}", space)
+    assert _globals(space["f"].__code__) == tuple(sorted(names))
+
+
+@jit
+def test_a_process_that_changes_an_own_module_spoils_no_other(tmp_path: Path) -> None:
+    run = (
+        "import numba, numpy as np\nfrom formation_controllers import input_checks as c\n{}\n"
+        "print(c.all_finite(*[np.array([np.nan])] * 7), sum(c.all_finite.stats.cache_hits.values()))"
+    )
+    changed, clean = run.format("c.finite = numba.njit(lambda array: True)"), run.format("")
+    programs = [changed, clean, clean, changed]
+    assert [printed(program, tmp_path) for program in programs] == ["True 0", "False 0", "False 1", "True 1"]

@@ -617,6 +617,73 @@ def test_a_law_may_still_start_in_python():
     assert older.compiled_start() is None
 
 
+def other(kind, *names):
+    """Return a law whose methods of these names are its own, though they do as those of the law do."""
+
+    def same(name):
+        def method(self, *arguments):
+            return getattr(super(law, self), name)(*arguments)
+
+        return property(method) if name == "telemetry_record" else method
+
+    law = type("Other", (kind,), {name: same(name) for name in names})
+    return law(Team(CAR, 2, 0.02))
+
+
+@pytest.mark.parametrize("kind", [ObserverPid, NeuralAdaptivePid, Lqg])
+def test_a_law_that_starts_or_steps_otherwise_is_not_called_as_the_law_it_derives_from(kind):
+    for name in ("start", "on_start", "start_states", "_clear"):
+        assert other(kind, name).compiled_start() is None, name
+        assert other(kind, name).compiled_tick() is not None
+    for name in ("step", "on_step", "telemetry_record", "_checked_velocity"):
+        assert other(kind, name).compiled_tick() is None, name
+        assert other(kind, name).compiled_start() is not None
+    for name in ("_checked", "_inputs"):
+        assert other(kind, name).compiled_tick() is None, name
+        assert other(kind, name).compiled_start() is None
+    plain = other(kind, "reset", "copy", "to_bytes")
+    assert plain.compiled_tick() is not None
+    assert plain.compiled_start().prepared == kind.prepared
+    for name in ("step", "start"):
+        setattr(plain, name, getattr(plain, name))
+    assert plain.compiled_tick() is None
+    assert plain.compiled_start() is None
+
+
+def test_a_law_with_other_prepared_states_prepares_them_itself():
+    class Preparing(Lqg):
+        prepared = (*Lqg.prepared, "integral")
+
+        def on_start(self, pose, leader, desired):
+            super().on_start(pose, leader, desired)
+            self._state["integral"] = 0.5
+
+    class Stating(Lqg):
+        prepared = (*Lqg.prepared, "integral")
+
+    class Mixing(Preparing):
+        prepared = Lqg.prepared
+
+    team = Team(CAR, 2, 0.02)
+    assert Preparing(team).compiled_start().prepared == Preparing.prepared
+    assert Stating(team).compiled_start() is None
+    assert Mixing(team).compiled_start() is None
+
+
+def test_a_law_that_begins_otherwise_is_called_as_it_begins():
+    class Beginning(ObserverPid):
+        @staticmethod
+        def begin(inputs, team):
+            ObserverPid.begin(inputs, team)
+            team.state["p"][:] = 0.25
+
+    _, pose, leader, desired = situation(2, CAR)
+    law = Beginning(Team(CAR, 2, 0.02))
+    law.start(pose, leader, desired)
+    assert (law.get_state()["p"] == 0.25).all()
+    assert law.compiled_start().function is Beginning.begin
+
+
 # An older controller ---------------------------------------------------------------------------------------
 
 

@@ -84,6 +84,17 @@ def test_the_design_is_that_of_python_control(vehicle, model):
 
 
 @VEHICLES
+def test_a_weak_integral_action_is_designed_as_any_other(vehicle, model):
+    """It grows with the inverse of what weighs one, also where it is the slowest mode by far."""
+    weakest = None
+    for largest in (1e6, 1e7, 1e8, 1e9, 1e11):
+        K = lqg._design(vehicle, LqgGains(integral_max=largest, **model), H, 3.0, 0.5)[2]
+        scaled = largest * K[:, 4:]
+        weakest = scaled if weakest is None else weakest
+        np.testing.assert_allclose(scaled, weakest, rtol=1e-4, atol=1e-4 * np.abs(weakest).max())
+
+
+@VEHICLES
 def test_one_tick_is_the_law_in_matrix_form(vehicle, model):
     """Filter, feedback, feedforward, clipping and prediction, each follower with a design of its own."""
     random, gains, pose, leader, desired, controller = design_problem(vehicle, model)

@@ -10,10 +10,12 @@ from typing import Any
 
 import formation_controllers
 import pytest
+from formation_controllers.dependencies import of_function
 
 import cosim
 from cosim import compiling
-from cosim.compiled import COMPILED
+from cosim.compiled import COMPILED, _own
+from cosim.master import loop, moves
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 
@@ -70,3 +72,22 @@ def test_compiled_functions_refer_to_sources_that_count(package: Any) -> None:
                     origin = sys.modules.get(f"{imported[name]}.{name}") or sys.modules[imported[name]]
                     assert origin.__file__ in own, f"{function.py_func} takes {name} from {origin}"
     assert found > 40
+
+
+def test_every_function_of_the_harness_is_kept_for_what_it_refers_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that cannot be described would be compiled at each start."""
+    from numba.core.dispatcher import Dispatcher
+
+    described = 0
+    for room in ("compiled", "frames", "control", "master", "plant", "signals"):
+        top = importlib.import_module(f"cosim.{room}")
+        names = [found.name for found in pkgutil.walk_packages(getattr(top, "__path__", []), f"cosim.{room}.")]
+        for module in (top, *map(importlib.import_module, names)):
+            for function in vars(module).values():
+                if isinstance(function, Dispatcher):
+                    assert of_function(function, _own().files)
+                    described += 1
+    assert described > 30
+    before = of_function(loop.advance, _own().files)
+    monkeypatch.setattr(moves, "_OF_ROW", moves._OF_ROW + 1)
+    assert of_function(loop.advance, _own().files) != before

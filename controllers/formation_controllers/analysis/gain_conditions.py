@@ -24,7 +24,6 @@ a condition may be told to fail by a little that holds for the matrices themselv
 from __future__ import annotations
 
 import math
-import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -33,8 +32,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from formation_controllers.errors import ControllerError, GainError
+from formation_controllers.errors import ControllerError, GainError, unknown
 from formation_controllers.observer_pid import ObserverPidGains
+from formation_controllers.vehicles import is_finite, is_positive
 
 G = TypeVar("G", bound=ObserverPidGains)
 
@@ -75,8 +75,7 @@ class Bounds:
         for name, value in vars(self).items():
             if name == "lambda_M" and value is None:
                 continue
-            real = isinstance(value, numbers.Real) and not isinstance(value, bool)
-            if not (real and math.isfinite(value) and value >= 0):
+            if not (is_finite(value) and value >= 0):
                 raise ControllerError(f"the bound {name} is {value!r}: it must be a number, at least zero and finite")
         if self.lambda_m == 0:
             raise ControllerError("the bound lambda_m is 0: M is positive definite, Property 1")
@@ -84,6 +83,8 @@ class Bounds:
             raise ControllerError(
                 f"the bound lambda_M is {self.lambda_M}: it must be at least lambda_m, {self.lambda_m}"
             )
+        for name, value in list(vars(self).items()):  # fractions and numbers of less precision
+            object.__setattr__(self, name, None if value is None else float(value))
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ class GainReport:
     conditions : tuple of Condition
         (39) to (42), and Remark 2 if a formation is given.
     discriminant : float
-        Lambda_0^2 - 4 Lambda_1; alpha and beta are real if it is not negative.
+        Lambda_0^2 - 4 Lambda_1, zero if it is by less than rounding; alpha and beta are real if it is not negative.
     """
 
     alpha: float
@@ -145,8 +146,11 @@ class GainReport:
         return all(condition.satisfied for condition in self.conditions)
 
     def __getitem__(self, name: str) -> Condition:
-        """Return the condition of this name: "(39)" to "(42)", "Remark 2"."""
-        return next(condition for condition in self.conditions if condition.name == name)
+        """Return the condition of this name: "(39)" to "(42)", "Remark 2"; raises ControllerError if there is none."""
+        conditions = {condition.name: condition for condition in self.conditions}
+        if name not in conditions:
+            raise ControllerError(unknown("condition", name, conditions))
+        return conditions[name]
 
     def __str__(self) -> str:
         """Return a table."""
@@ -221,9 +225,9 @@ def propose_gains(gains: G, bounds: Bounds, *, l: float = 0.5, margin: float = 0
         If the bounds are no `Bounds`, l is not in (0, 1) or the margin is not positive.
     """
     require(gains, ObserverPidGains, bounds)
-    if not 0 < l < 1:
+    if not (is_finite(l) and 0 < l < 1):
         raise ControllerError(f"the constant l is {l}: with l outside (0, 1) no K_p satisfies (41) for all bounds")
-    if not (math.isfinite(margin) and margin > 0):
+    if not is_positive(margin):
         raise ControllerError(f"the margin is {margin}: it must be positive, the conditions are strict")
     more = 1 + margin
     beta = more / (l * (2 - l))
@@ -244,23 +248,35 @@ def require(gains: object, gains_type: type[ObserverPidGains], bounds: object) -
 def _largest(bearings: ArrayLike) -> float:
     """Return the largest magnitude of bearings."""
     try:
-        magnitudes = np.abs(np.asarray(bearings, dtype=float))
-    except (TypeError, ValueError):
-        magnitudes = np.array([math.nan])
-    if not (magnitudes.size and np.isfinite(magnitudes).all()):
+        values = list(np.asarray(bearings, dtype=object).flat)  # as they are: no number is made of a text or a bool
+    except ValueError:
+        values = []
+    if not values or np.ma.is_masked(bearings) or not all(map(is_finite, values)):
         raise ControllerError(f"the desired bearing is {bearings!r}: expected one or more finite numbers")
-    return float(magnitudes.max())
+    return max(abs(float(value)) for value in values)
 
 
 def orders_of_roots(gains: ObserverPidGains) -> list[tuple[float, float]]:
     """Return both orders of the roots alpha and beta; one pair of NaN if they are not real."""
-    total, product = gains.Lambda_0[0], gains.Lambda_1[0]  # type: ignore[index]
-    discriminant = total * total - 4 * product
+    unit, total, discriminant = _scaled(gains)
     if discriminant < 0:
         return [(math.nan, math.nan)]
-    larger = (total + math.sqrt(discriminant)) / 2
-    smaller = product / larger
+    larger = unit * ((total + math.sqrt(discriminant)) / 2)
+    smaller = gains.Lambda_1[0] / larger  # type: ignore[index]
     return [(smaller, larger), (larger, smaller)]
+
+
+def _scaled(gains: ObserverPidGains) -> tuple[float, float, float]:
+    """Return a power of two, and by it Lambda_0, from 1 to 2, and by its square the discriminant: none overflows.
+
+    A double root is often meant, as by 2.26 and 1.2769 = 1.13^2. Half a unit in the last place of each of the two
+    numbers and of their products makes up to four times 2^-53 Lambda_0^2 of a discriminant that is zero.
+    """
+    unit = math.ldexp(1.0, math.frexp(gains.Lambda_0[0])[1] - 1)  # type: ignore[index]
+    total = gains.Lambda_0[0] / unit  # type: ignore[index]
+    square, product = total * total, 4 * (gains.Lambda_1[0] / unit / unit)  # type: ignore[index]
+    discriminant = square - product
+    return unit, total, 0.0 if abs(discriminant) <= 4 * 2.0**-53 * square else discriminant
 
 
 def _report(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) -> GainReport:
@@ -268,8 +284,8 @@ def _report(alpha: float, beta: float, gains: ObserverPidGains, bounds: Bounds) 
     sides, intervals = sides_of(alpha, beta, gains, bounds), _intervals(alpha, beta, gains, bounds)
     best = 1.0 if math.isnan(alpha) else argmax(partial(least_margin, sides))
     conditions = tuple(Condition(name, *side(best), *intervals[name]) for name, side in sides.items())
-    total, product = gains.Lambda_0[0], gains.Lambda_1[0]  # type: ignore[index]
-    return GainReport(alpha, beta, best, conditions, total * total - 4 * product)
+    unit, _, discriminant = _scaled(gains)
+    return GainReport(alpha, beta, best, conditions, discriminant * unit * unit)
 
 
 Sides = dict[str, Callable[[float], tuple[float, float]]]

@@ -18,6 +18,7 @@ from formation_controllers.analysis.gain_conditions import (
 )
 from formation_controllers.errors import ControllerError, GainError
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
+from formation_controllers.vehicles import is_positive
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def region_of_attraction(
     for name in ("gamma_w", "gamma_theta"):
         if getattr(gains, name) == 0:
             raise GainError(f"gain {name!r} is 0: Theorem 1 needs a positive one")
-    if l is not None and not (math.isfinite(l) and l > 0):
+    if l is not None and not is_positive(l):
         raise ControllerError(f"the constant l is {l}: it must be positive and finite")
     report = check_gains(gains, bounds)
     if math.isnan(report.alpha):

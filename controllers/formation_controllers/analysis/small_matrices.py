@@ -12,7 +12,7 @@ from formation_controllers.interface import Floats
 DOUBLINGS = 60
 """Most steps of `riccati`, each of which stands for as many periods as all before it."""
 SETTLED = 1e-15
-"""Relative change below which its solution no longer changes."""
+"""Relative change of each diagonal entry below which its solution no longer changes."""
 
 
 def product(*factors: Floats) -> Floats:
@@ -100,6 +100,8 @@ def riccati(a: Floats, b: Floats, q: Floats, r: Floats) -> Floats:
             g = g + product(a, spread, a.T)
             a = product(a, step)
             h = h + (more + more.T) / 2
-            if np.abs(more).max() <= SETTLED * np.abs(h).max():
+            # Each entry for itself, as a slow mode may be the smallest. Both are positive semidefinite, so that the
+            # diagonal bounds the rest: |more_ij| <= sqrt(more_ii more_jj).
+            if np.isfinite(h).all() and (np.diag(more) <= SETTLED * np.diag(h)).all():
                 return h
     raise np.linalg.LinAlgError("no stabilising solution of the Riccati equation was found")
