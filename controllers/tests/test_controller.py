@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import io
 import math
+import subprocess
+import sys
+import threading
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +30,14 @@ from formation_controllers import (
 )
 from formation_controllers.controller import Controller
 from formation_controllers.gains import gain
-from formation_controllers.geometry import formation_rates, input_matrix, range_bearing
+from formation_controllers.geometry import (
+    first_range_bearing,
+    formation_rates,
+    input_matrix,
+    range_bearing,
+    unwrapped_bearing,
+)
+from formation_controllers.interface import CompiledStart, CompiledTick
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
 from formation_controllers.testing import check_controller
 
@@ -607,6 +618,172 @@ class Random(Integral):
         return super().on_step(pose, leader, desired) + self.random.normal()
 
 
+class Anonymous(Integral):
+    interface = None
+
+
+class Later(Integral):
+    interface = "9.9"
+
+
+class Once(Integral):
+    """A signal of the first step stays as it is."""
+
+    signals = (*Integral.signals, Signal("first", "1", "written at the first step only"))
+
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        if self._state["ticks"][0] == 2:
+            self._telemetry["first"] = 1.0
+        return torque
+
+
+class Counting(Integral):
+    calls = 0
+
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        self.calls += 1
+        self._telemetry["ticks"] = self.calls
+        return torque
+
+
+class TeamSignal(Integral):
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        self._telemetry["ticks"] = pose.sum()
+        return torque
+
+
+class NeverAlone(Integral):
+    def on_step(self, pose, leader, desired):
+        if len(pose) < 2:
+            raise ValueError("no team")
+        return super().on_step(pose, leader, desired)
+
+
+class Remembers(Integral):
+    """The signals of the step before are taken for state."""
+
+    def on_step(self, pose, leader, desired):
+        before = np.nan_to_num(self._telemetry["error"])
+        return super().on_step(pose, leader, desired) + before
+
+
+class LastBearing(Integral):
+    """The bearing of the last tick is kept outside of the state."""
+
+    def __init__(self, team, gains=None):
+        super().__init__(team, gains)
+        self.last = np.zeros(team.size)
+
+    def on_start(self, pose, leader, desired):
+        super().on_start(pose, leader, desired)
+        self.last = first_range_bearing(pose, leader.pose, desired.q, self.team.vehicle)[:, 1]
+
+    def on_step(self, pose, leader, desired):
+        bearing = range_bearing(pose, leader.pose, self.team.vehicle)[:, 1]
+        self.last = unwrapped_bearing(bearing[None], self.last)[0]
+        return super().on_step(pose, leader, desired) + self.last[:, None]
+
+
+class OnlyFromStart(Integral):
+    def on_start(self, pose, leader, desired):
+        super().on_start(pose, leader, desired)
+        self.factor = 1.0
+
+    def on_step(self, pose, leader, desired):
+        return self.factor * super().on_step(pose, leader, desired)
+
+
+class Wraps(Integral):
+    def on_step(self, pose, leader, desired):
+        pose[:, 2] -= 2 * math.pi * np.round(pose[:, 2] / (2 * math.pi))
+        return super().on_step(pose, leader, desired)
+
+
+class WrapsAtStart(Integral):
+    def on_start(self, pose, leader, desired):
+        super().on_start(pose, leader, desired)
+        pose[:, 2] -= 2 * math.pi * np.round(pose[:, 2] / (2 * math.pi))
+
+
+class SignOfZero(Integral):
+    calls = 0
+
+    def on_step(self, pose, leader, desired):
+        SignOfZero.calls += 1
+        return np.copysign(0.0 * super().on_step(pose, leader, desired), 1 if SignOfZero.calls % 5 else -1)
+
+
+class SameMemory(Integral):
+    """The torques of every tick are in one array, which is legal; random ones, but at each twelfth tick, are not."""
+
+    random = None
+
+    def __init__(self, team, gains=None):
+        super().__init__(team, gains)
+        self.torque = np.empty((team.size, 2))
+
+    def on_step(self, pose, leader, desired):
+        self.torque[...] = super().on_step(pose, leader, desired)
+        if self.random is not None and self._state["ticks"][0] % 12 != 1:
+            self.torque += self.random.normal()
+        return self.torque
+
+
+class RandomMemory(SameMemory):
+    random = np.random.default_rng(0)
+
+
+class NotCopied(Integral):
+    def __init__(self, team, gains=None):
+        super().__init__(team, gains)
+        self.lock = threading.Lock()
+
+
+class NotPickled(Integral):
+    def __init__(self, team, gains=None):
+        super().__init__(team, gains)
+        self.twice = lambda value: 2 * value
+
+
+def constant_tick(inputs, own, commands):
+    commands[...] = 7.0
+
+
+class OtherTick(Integral):
+    def compiled_tick(self):
+        return CompiledTick(constant_tick, ())
+
+
+class OtherSignals(Integral):
+    """The torques of the compiled tick are right, but not its signals."""
+
+    def compiled_tick(self):
+        return CompiledTick(self.tick_without_signals, ())
+
+    def tick_without_signals(self, inputs, own, commands):
+        leader = Leader(inputs.leader_pose, inputs.leader_velocity, inputs.leader_acceleration)
+        commands[...] = self.on_step(inputs.pose, leader, Desired(inputs.q_d, inputs.q_d_dot, inputs.q_d_ddot))
+        self._telemetry["ticks"] = math.nan
+
+
+class OtherState(OtherSignals):
+    def tick_without_signals(self, inputs, own, commands):
+        super().tick_without_signals(inputs, own, commands)
+        self._telemetry["ticks"] = self._state["ticks"] - 1
+        if self._state["ticks"][0] == 13:  # after the last step
+            self._state["integral"] += 1.0
+
+
+class OtherStart(Integral):
+    """Its ticks count from one, the compiled start's from zero."""
+
+    def compiled_start(self):
+        return CompiledStart(lambda inputs, own: None, ())
+
+
 class Twice(Integral):
     signals = (*Integral.signals, *Integral.signals)
 
@@ -625,6 +802,28 @@ class Elsewhere(Integral):
         (Clobbers, "it changes its inputs"),
         (Silent, "signal forgotten is not written at every step"),
         (Random, "a second run gives other torques"),
+        (Anonymous, "states the interface None, which is not a version"),
+        (Later, r"speaks version 9\.9 of the controller interface, and version .* is spoken here"),
+        (Once, "signal first is not written at every step"),
+        (Counting, "after a reset it gives other signal ticks"),
+        (TeamSignal, "a follower's signal ticks depends on the rest of the team or on its place"),
+        (NeverAlone, "it fails in another team, of 1: ValueError: no team"),
+        (Remembers, "without the signals of the step before, which are no state, it gives other torques"),
+        (LastBearing, "a controller set from state gives other torques"),
+        (
+            OnlyFromStart,
+            "a controller set from state fails at its steps, so that something is not in its state: Attrib",
+        ),
+        (Wraps, "it changes its inputs"),
+        (WrapsAtStart, "it changes its inputs"),
+        (SignOfZero, "a second run gives other torques"),
+        (RandomMemory, "a second run gives other torques"),
+        (NotCopied, "it cannot be copied: TypeError"),
+        (NotPickled, "it cannot be pickled: AttributeError"),
+        (OtherTick, "its compiled_tick gives other torques than step"),
+        (OtherSignals, "its compiled_tick gives other signal ticks than step"),
+        (OtherState, "its compiled_tick advances its state otherwise than step"),
+        (OtherStart, "its compiled_start sets another state than start"),
         (Twice, "has two signals named 'error'"),
         (Elsewhere, "serves none of car_like, tractor_trailer, differential_drive: pass a vehicle that it serves"),
     ],
@@ -632,3 +831,15 @@ class Elsewhere(Integral):
 def test_a_broken_promise_is_found(broken, message):
     with pytest.raises(AssertionError, match=message):
         check_controller(broken)
+
+
+def test_a_law_may_use_the_memory_of_its_torques_again():
+    check_controller(SameMemory)
+
+
+def test_broken_promises_are_found_by_a_python_that_leaves_out_assertions():
+    code = "from test_controller import Place, check_controller; check_controller(Place)"
+    ended = subprocess.run(
+        [sys.executable, "-O", "-c", code], cwd=Path(__file__).parent, capture_output=True, text=True
+    )
+    assert "AssertionError: Place on a car_like: a follower's torque depends on the rest of the team" in ended.stderr
