@@ -20,10 +20,11 @@ from itertools import pairwise
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
+from plants.errors import ModelError
 from plants.factory.table import SOLVER, SOLVER_STEP
 from plants.factory.variables import Entry, Table
-from plants.ode import TIME, OdeModel
-from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
+from plants.ode import OdeModel
+from plants.printing import OWN_FUNCTIONS, PythonPrinting, python_function, scalar_functions
 from plants.runge_kutta import runge_kutta_4
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -44,8 +45,8 @@ TOLERANCE = 1e-6
 _LARGEST = 1e9
 """Largest magnitude of a state, in nominal values; a model beyond it has diverged."""
 
-_BROKEN = (ArithmeticError, ValueError, TypeError, NameError)
-"""Errors of an evaluation: of numbers, and of a function that Python lacks."""
+_BROKEN = (ArithmeticError, ValueError, TypeError)
+"""Errors of an evaluation: a number that is too large, outside of a function's domain, or complex."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,10 @@ def reference_experiment(model: OdeModel, table: Table) -> Experiment | None:
     It ends well before a state diverges, a limit is left or the equations have no value, as the numbers there depend on
     the last bit. There is no experiment if not a single step comes before, or if Python lacks a function.
     """
-    equations = _Equations(model)
+    try:
+        equations = _Equations(model)
+    except ModelError:
+        return None
     inputs = [[_level(entry, number, k) for number, entry in enumerate(table.inputs)] for k in range(STEPS)]
     rows = _simulate(equations, table, inputs)
     if len(rows) <= STEPS:
@@ -130,7 +134,7 @@ def _parameters(table: Table) -> tuple[Setting, ...]:
     return (*numbers, *(Setting(name, SOLVER_ITEM if name == SOLVER.name else item) for name, item in chosen))
 
 
-class _Printer(Powers, PythonCodePrinter):  # type: ignore[misc]
+class _Printer(PythonPrinting, PythonCodePrinter):  # type: ignore[misc]
     """Expressions of Python that call functions of our own."""
 
 
@@ -158,18 +162,9 @@ class _Equations:
         ) and all(abs(x) <= _LARGEST * s.nominal for x, s in zip(states, self._model.states, strict=True))
 
     def _function(self, expressions: Sequence[sympy.Expr]) -> Callable[..., list[float]]:
-        model = self._model
-        named = [(term.symbol, term.expression) for term in model.terms_of(expressions)]
-        groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
-        function: Callable[..., list[float]] = sympy.lambdify(
-            [TIME, *groups],
-            list(expressions),
-            modules=[scalar_functions(), "math"],
-            printer=_Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS}),
-            cse=lambda reduced: (named, list(reduced)),
-            docstring_limit=0,
-        )
-        return function
+        printer = _Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS})
+        terms = self._model.terms_of(expressions)
+        return python_function(self._model, expressions, terms, printer, {**vars(math), **scalar_functions()})
 
 
 def _real(values: Iterable[float]) -> list[float]:

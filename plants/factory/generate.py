@@ -19,7 +19,7 @@ from plants.factory.table import tabulate, with_starts
 from plants.factory.variables import Entry, Table
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
-from plants.printing import OWN_FUNCTIONS, Powers
+from plants.printing import OWN_FUNCTIONS, Printing
 
 RUNTIME = ("model.h", "simulation.c", "simulation_state.h", "solver.c", "solver.h")
 _TEMPLATES = {
@@ -232,7 +232,7 @@ _NODES = (
 """Parts of an expression besides functions; the printer would print others as text that is not C."""
 
 
-class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
+class _Printer(Printing, C99CodePrinter):  # type: ignore[misc]
     """C expressions in double arithmetic, in which a variant of an enumeration goes by its name."""
 
     own_prefix = c_functions.PREFIX
@@ -240,9 +240,7 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
     def __init__(self, model: OdeModel) -> None:
         # A named constant such as M_PI is not part of C11: constants are printed as numbers. abs is for int.
         own = {name: self.own_prefix + function for name, function in OWN_FUNCTIONS.items()}
-        super().__init__(
-            {"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs", "exp2": self._exp2, **own}}
-        )
+        super().__init__({"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs", **own}})
         self._model = model
         self._enumerations = {enumeration.name: enumeration for enumeration in model.enumerations}
         self._functions = {*self.known_functions, *self._rewriteable_functions, "Mod", "sign"}
@@ -260,9 +258,6 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
 
     def _error(self, expression: sympy.Expr, reason: str = "") -> ModelError:
         return ModelError(f"model {self._model.name!r}: {expression} cannot be written in C{reason}")
-
-    def _exp2(self, exponent: sympy.Expr) -> str:
-        return f"{self.own_prefix}pow(2.0, {self._print(exponent)})"
 
     # A quotient of two integers would be an integer in C: in arithmetic all is double.
     def _print_Integer(self, value: sympy.Integer) -> str:

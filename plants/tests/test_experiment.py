@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sympy
 from lxml import etree
+from sympy.codegen.cfunctions import exp2, fma
 
 import plants
 from plants import numeric
@@ -177,3 +178,17 @@ def test_without_a_first_step_there_is_none(derivative: sympy.Expr, tmp_path: Pa
     assert b"Reference experiment" not in files["documentation/index.html"]
     with zipfile.ZipFile(plants.build(growing(derivative), out=tmp_path)) as fmu:
         assert not any(name.startswith("extra/") for name in fmu.namelist())
+
+
+def carries(model: OdeModel) -> bool:
+    return any(path.endswith("results.csv") for path in generate(model, "2.0"))
+
+
+def test_functions_that_python_lacks_have_none() -> None:
+    assert not carries(growing(-fma(x, x, x)))
+    assert carries(growing(-exp2(x)))
+    assert carries(growing(-sympy.erf(x)))
+
+
+def test_the_largest_of_three_has_one() -> None:
+    assert carries(growing(-sympy.Max(x, -1, -2 * x)))
