@@ -320,6 +320,8 @@ _C_WORDS = """
     fpclassify isfinite isgreater isgreaterequal isinf isless islessequal islessgreater isnan isnormal isunordered
     signbit math_errhandling INFINITY NAN NULL DECIMAL_DIG MAXFLOAT DOMAIN SING OVERFLOW UNDERFLOW TLOSS PLOSS
     float_t double_t
+    BUFSIZ EOF EXIT_FAILURE EXIT_SUCCESS FILENAME_MAX FOPEN_MAX L_tmpnam MB_CUR_MAX RAND_MAX SEEK_CUR SEEK_END SEEK_SET
+    TMP_MAX stderr stdin stdout errno EDOM EILSEQ ERANGE
 """
 _OUR_WORDS = """
     time states inputs parameters enumerations derivatives outputs limited partials solver solver_step tolerance
@@ -327,11 +329,13 @@ _OUR_WORDS = """
 """
 RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 """Names that the generated C code needs for itself."""
-# Names from math.h and float.h, then names from the headers in factory/template.
+# Names from math.h and float.h, then names from the headers in factory/template, then limits from limits.h and stdint.h.
 _RESERVED_PREFIX = re.compile(
     r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
     r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_"
     r"|ELEMENTARY_|elementary_).*"
+    r"|([SU]?CHAR|U?SHRT|U?INT|U?L?LONG|U?INT(_LEAST|_FAST)?(8|16|32|64)|U?INT(MAX|PTR)|S?SIZE|PTRDIFF|SIG_ATOMIC|WCHAR"
+    r"|WINT|MB_LEN)_(MIN|MAX|BIT|WIDTH)"
 )
 
 

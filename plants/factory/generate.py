@@ -1,5 +1,6 @@
 """The files of an FMU: the generated C, XML and HTML of a model, the hand-written runtime, and the headers of FMI."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -61,13 +62,15 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     Raises
     ------
     ModelError
-        The model uses a function that C has not, or one that cannot be differentiated; or a start value does not fit.
+        The model uses a function that C has not, or one that cannot be differentiated; a name is one of the runtime in C;
+        or a start value does not fit.
     BuildError
         FMPy, which brings the headers of FMI, is not complete.
     """
     version = VERSIONS[fmi]
     files = runtime_of(version, RUNTIME)
     files["sources/" + c_functions.FILE] = c_functions.header().encode()
+    _check_names(model, b"\n".join(content for path, content in files.items() if path.startswith("sources/")).decode())
 
     table = with_starts(tabulate(model), starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
@@ -97,6 +100,21 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
         "digits": experiment.DIGITS,
     }
     return rendered(files, templates, context)
+
+
+def _check_names(model: OdeModel, runtime: str) -> None:
+    """Refuse names that the runtime, which is compiled as one unit with the model, has for something of its own.
+
+    The model's symbols are local in C: only a macro takes their place. Items of enumerations are not.
+    """
+    macros, words = set(re.findall(r"#\s*define (\w+)", runtime)), set(re.findall(r"\w+", runtime))
+    symbols = [variable.symbol.name for variable in (*model.states, *model.inputs, *model.parameters, *model.terms)]
+    items = [f"{enumeration.name}_{item}" for enumeration in model.enumerations for item in enumeration.items]
+    for name in (*sorted(macros.intersection(symbols)), *sorted(words.intersection(items))):
+        raise ModelError(
+            f"model {model.name!r}: the generated C code uses the name {name!r} for something else: "
+            f"choose another name{' for the enumeration or its item' if name in items else ''}"
+        )
 
 
 @dataclass(frozen=True)

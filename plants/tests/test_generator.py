@@ -339,6 +339,11 @@ def test_what_c_has_not_is_refused(expression: sympy.Expr) -> None:
         "TIME",
         "true",
         "isinf",
+        "EOF",
+        "errno",
+        "SIZE_MAX",
+        "UINT_FAST8_MAX",
+        "LONG_MIN",
     ],
 )
 def test_names_that_c_headers_define_are_refused(name: str) -> None:
@@ -350,6 +355,19 @@ def test_an_enumeration_whose_items_make_a_reserved_name() -> None:
     drive = Enumeration(sympy.Symbol("M"), {"PI": ""}, "")
     with pytest.raises(ModelError, match="'M_PI' is reserved"):
         model_of(parameters=(Parameter(k, "1", ""), n, drive))
+
+
+@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t")])
+def test_an_enumeration_whose_items_make_a_name_of_the_runtime(enumeration: str, item: str) -> None:
+    made = Enumeration(sympy.Symbol(enumeration), {item: ""}, "")
+    with pytest.raises(ModelError, match=f"the generated C code uses the name '{enumeration}_{item}' for something"):
+        generate(model_of(parameters=(Parameter(k, "1", ""), n, made)), "3.0")
+
+
+@pytest.mark.parametrize(("name", "fmi"), [("INTERFACES", "2.0"), ("VARIABLES_H", "3.0"), ("fmi2True", "2.0")])
+def test_macros_of_the_runtime_are_refused(name: str, fmi: str) -> None:
+    with pytest.raises(ModelError, match=f"the generated C code uses the name '{name}' for something else"):
+        generate(model_of(inputs=(Input(u, "1", ""), Input(sympy.Symbol(name), "1", ""))), fmi)
 
 
 def test_a_variant_that_is_not_there() -> None:
