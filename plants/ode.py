@@ -329,7 +329,7 @@ _OUR_WORDS = """
 """
 RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 """Names that the generated C code needs for itself."""
-# Names from math.h and float.h, then names from the headers in factory/template, then limits from limits.h and stdint.h.
+# Names from math.h and float.h, from the headers in factory/template, and from limits.h and stdint.h.
 _RESERVED_PREFIX = re.compile(
     r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
     r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_"

@@ -62,8 +62,8 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     Raises
     ------
     ModelError
-        The model uses a function that C has not, or one that cannot be differentiated; a name is one of the runtime in C;
-        or a start value does not fit.
+        The model uses a function that C has not, or one that cannot be differentiated; a name is one that the
+        runtime has in C; or a start value does not fit.
     BuildError
         FMPy, which brings the headers of FMI, is not complete.
     """
