@@ -42,6 +42,8 @@ class Printing:
             return str(super()._print_Pow(expression))  # type: ignore[misc]
         if exponent == sympy.Rational(1, 3):
             return f"{self.own_prefix}cbrt({self._print(base)})"
+        if exponent == -sympy.Rational(1, 3):
+            return f"1.0/{self.own_prefix}cbrt({self._print(base)})"
         return f"{self.own_prefix}pow({self._print(base)}, {self._print(exponent)})"
 
     def _print_exp2(self: Any, expression: sympy.Expr) -> str:

@@ -177,6 +177,21 @@ def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
                 assert slope == pytest.approx(wanted[at], rel=1e-12), f"{expression} at {at}"
 
 
+def test_the_inverse_of_a_cube_root_is_real_too(load: Callable) -> None:
+    model = model_of(1 / sympy.cbrt(x), u / sympy.cbrt(x))
+    fmu, functions = load(model), numeric.compile(model)
+    for at, value in ((-8.0, -0.5), (8.0, 0.5)):
+        instance = Instance(fmu.library, "co_simulation")
+        instance.set({fmu["x"]: at, fmu["u"]: 0.5})
+        instance.initialize()
+        given = 0.0, functions.start(x=at), functions.inputs(u=0.5), functions.parameters()
+        assert instance.get(fmu["y0"], fmu["y1"]) == [value, 0.5 * value] == functions.outputs(*given).tolist()
+        slopes = instance.differentiate([fmu["y0"], fmu["y1"]], [fmu["x"]], [1.0])
+        assert slopes == pytest.approx([-1 / 48, -1 / 96], rel=1e-14)
+        assert slopes == functions.jacobians(*given).C[:, 0].tolist()
+        instance.free()
+
+
 def test_functions_whose_names_would_coincide_are_told_apart(load: Callable) -> None:
     """tanh(x + 1) and tanh(x - 1), each used twice, are not the same intermediate result."""
     more, less = sympy.tanh(x + 1), sympy.tanh(x - 1)

@@ -1,6 +1,8 @@
 """Models: the general ordinary differential equation, its NumPy functions, and wrong models by name."""
 
 import math
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -81,6 +83,19 @@ def test_numpy_functions() -> None:
         ),
         ({"outputs": (Output(s, k, "m", ""),)}, "the name 's' is used twice"),
         (
+            {"outputs": (Output(sympy.Symbol("y"), s, "m", "", nominal=-1),)},
+            "output 'y': the nominal value must be positive, not -1",
+        ),
+        (
+            {"outputs": (Output(sympy.Symbol("y"), s, "m", "", nominal=math.nan),)},
+            "output 'y': the nominal value must be positive, not nan",
+        ),
+        (
+            {"description": "a\x0bb"},
+            "model 'spring_mass': description has the character '\\x0b', which no XML file can have",
+        ),
+        ({"description": None}, "model 'spring_mass': description is None, it must be a text"),
+        (
             {"terms": (Term(sympy.Symbol("pull"), sympy.Symbol("later")),)},
             "term 'pull' uses the undefined symbol 'later'",
         ),
@@ -90,6 +105,44 @@ def test_wrong_models_are_refused_by_name(changes: dict[str, Any], message: str)
     with pytest.raises(plants.PlantError) as error:
         spring(**changes)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        (lambda: State("x", "m", ""), "state: its symbol is 'x', it must be a Symbol of SymPy"),  # type: ignore[arg-type]
+        (lambda: State(sympy.MatrixSymbol("X", 2, 1)[0], "m", ""), "state: its symbol is X[0, 0], it must be a Symbol"),
+        (lambda: State(s, None, ""), "state 's': unit is None, it must be a text"),  # type: ignore[arg-type]
+        (lambda: State(s, "m", "\udc80"), "state 's': description has the character '\\udc80', which no XML file can"),
+        (lambda: Term(s, k, equation="\x00"), "term 's': equation has the character '\\x00'"),
+        (lambda: Enumeration(k, {"one": "\x1b"}, ""), "enumeration 'k': item 'one' has the character '\\x1b'"),
+    ],
+)
+def test_wrong_statements_are_refused_by_name(state: Callable[[], object], message: str) -> None:
+    with pytest.raises(ModelError) as error:
+        state()
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("assumptions", "start", "told"),
+    [
+        ({"positive": True}, -1.0, "is positive"),
+        ({"positive": True}, 0.0, "is positive"),
+        ({"positive": False, "real": True}, 2.0, "is not positive"),
+        ({"nonnegative": True}, -1.0, "is not negative"),
+        ({"negative": True}, 1.0, "is not positive"),
+        ({"nonnegative": True}, 0.0, ""),
+        ({"real": True}, -1.0, ""),
+    ],
+)
+def test_a_default_cannot_contradict_the_assumptions_of_its_symbol(
+    assumptions: dict[str, bool], start: float, told: str
+) -> None:
+    """SymPy takes |x| for x where x is positive."""
+    x = sympy.Symbol("x", **assumptions)
+    with pytest.raises(ModelError, match=f"contradicts .*, which {told}") if told else nullcontext():
+        OdeModel("assumed", "", (State(x, "m", "", start=start),), (-abs(x),))
 
 
 def test_enumeration_needs_every_variant() -> None:
