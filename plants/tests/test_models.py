@@ -181,6 +181,24 @@ def test_abbreviations_of_a_nonholonomic_system() -> None:
     assert stated.expand(stated.derivatives[2]) == (sympy.Symbol("tau", real=True) - stated.inputs[1].symbol) / (2 * m)
 
 
+def test_a_matrix_may_be_of_any_kind() -> None:
+    stated = pendulum_on_wheels()
+    for S in ([[1], [0]], sympy.ImmutableMatrix([1, 0])):
+        assert replace(stated, S=S).ode() == stated.ode()
+
+
+def test_a_parameter_in_another_unit_is_converted_in_a_term() -> None:
+    m, load = sympy.symbols("m load", real=True)
+    stated = replace(
+        pendulum_on_wheels(),
+        parameters=(Parameter(m, "g", "", start=1.0),),
+        terms=(Term(load, m / 1000, "kg"),),
+        M1=load * sympy.eye(2),
+    ).ode()
+    expected = 1000 * (sympy.Symbol("tau", real=True) - stated.inputs[1].symbol) / m
+    assert sympy.simplify(stated.expand(stated.derivatives[2]) - expected) == 0
+
+
 def test_terminals_of_a_nonholonomic_system() -> None:
     terminals = {t.name: [s.name for s in t.symbols] for t in pendulum_on_wheels().ode().terminals}
     assert terminals == {"pose": ["x", "y"], "velocity": ["v"], "torque": ["tau"], "disturbance": ["d_x", "d_y"]}
@@ -206,6 +224,26 @@ def test_nonholonomic_with_one_velocity() -> None:
         (
             {"terms": (Term(c, sympy.Symbol("y", real=True), "kg"),), "M1": c * sympy.eye(2)},
             "S or M1 uses the term c, which is not constant",
+        ),
+        (
+            {"terms": (Term(c, sympy.exp(TIME), "kg"),), "M1": c * sympy.eye(2)},
+            "S or M1 uses the term c, which is not constant",
+        ),
+        (
+            {"S": sympy.Matrix([sympy.exp(TIME), 0])},
+            "S or M1 uses time: they may depend on coordinates, parameters and",
+        ),
+        ({"M1": (1 + sympy.Symbol("v", real=True) ** 2) * sympy.eye(2)}, "S or M1 uses v: they may depend"),
+        ({"M1": sympy.Symbol("tau", real=True) * sympy.eye(2)}, "S or M1 uses tau: they may depend"),
+        ({"S": "1, 0"}, "S is '1, 0', it must be a matrix of SymPy"),
+        ({"M1": None}, "M1 is None, it must be a matrix of SymPy"),
+        (
+            {"parameters": (Parameter(sympy.Symbol("m", real=True), "g", "", start=1.0),)},
+            "m is in g, but the derivation computes in SI units: state it in kg or convert it in a term",
+        ),
+        (
+            {"velocities": (State(sympy.Symbol("v", real=True), "km/h", ""),)},
+            "v is in km/h, but the derivation computes in SI units: state it in m/s",
         ),
     ],
 )
