@@ -153,6 +153,9 @@ def _robot(
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
+    except Exception as error:  # whatever someone's function does
+        problem = f"cannot make its vehicle: {type(error).__name__}: {error}"
+        raise InputError(f"{name}: the kind of vehicle {kind.name!r} {problem}", where) from None
     if fault := vehicle_fault(kind, vehicle):
         raise InputError(f"{name}: the kind of vehicle {kind.name!r} {fault}", where)
     times = Times(scenario.step, scenario.ticks)

@@ -88,6 +88,10 @@ def test_two_kinds_of_one_name_are_refused(bring: Bring, points: list[tuple[str,
         kinds.kind_named("boat")
 
 
+LENGTH = {"length": CAR_LIKE.geometry["wheelbase"], "drive": CAR_LIKE.geometry["drive"]}
+"""A car's geometry by another name than its vehicle has."""
+
+
 class MirroredCar(fc.CarLike):
     """A car that gives its commands in another order than the kind `CAR_LIKE` does."""
 
@@ -123,6 +127,11 @@ def test_a_kind_of_ones_own_may_reuse_a_built_in_vehicle(
             "has the pose x [m], y [m], gamma [rad], psi [rad], its vehicle x [m], y [m], psi [rad], gamma [rad]",
         ),
         ({"velocity": CAR_LIKE.velocity[:1]}, "has the velocity v [m/s], its vehicle v [m/s], omega [rad/s]"),
+        (
+            {"vehicle": lambda drive, length: fc.CarLike(length, drive), "geometry": LENGTH},
+            "makes a vehicle whose length is None: expected an attribute for each entry of its geometry",
+        ),
+        ({"vehicle": fc.DifferentialDrive}, "'my_car' cannot make its vehicle: TypeError: "),
         ({"vehicle": lambda **_: "a car"}, "makes the vehicle 'a car': expected one whose pose is a tuple of Entry"),
     ],
 )

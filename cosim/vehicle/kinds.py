@@ -7,6 +7,7 @@ name its fault.
 from __future__ import annotations
 
 import copyreg
+import numbers
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -185,6 +186,10 @@ def vehicle_fault(kind: Kind, vehicle: Vehicle) -> str:
             return f"makes the vehicle {vehicle!r}: expected one whose {group} is a tuple of Entry(name, unit)"
         if its != stated:
             return f"has the {group} {_listed(stated)}, its vehicle {_listed(its)}: expected the same"
+    for field, role in kind.geometry.items():  # a result holds them
+        value = getattr(vehicle, field, None)
+        if value is None or (role.unit and not isinstance(value, numbers.Real)):
+            return f"makes a vehicle whose {field} is {value!r}: expected an attribute for each entry of its geometry"
     return ""
 
 
