@@ -146,7 +146,7 @@ def _outermost(expression: sympy.Expr) -> list[sympy.Expr]:
     parts: dict[sympy.Expr, None] = {}
     walk = sympy.preorder_traversal(expression)
     for part in walk:
-        is_cube_root = part.is_Pow and part.exp == sympy.Rational(1, 3)
+        is_cube_root = part.is_Pow and abs(part.exp) == sympy.Rational(1, 3)
         if is_cube_root or isinstance(part, (*STEPS, Abs, Max, Min, Mod, Piecewise, Cbrt, sinc)):
             parts[part] = None
             walk.skip()
@@ -172,7 +172,9 @@ def _derivative_of_part(part: sympy.Expr, symbol: sympy.Symbol) -> sympy.Expr:
         is_first = first > rest if isinstance(part, Max) else first < rest
         return Piecewise((derivative, is_first), (_derivative(rest, symbol), True))
     # SymPy's own derivative of the cube root is a power with a broken exponent, which a negative number does not have.
-    return _product(1 / (3 * Cbrt(first) ** 2), symbol, derivative)
+    is_inverse = part.is_Pow and part.exp < 0
+    slope = -1 / (3 * Cbrt(first) ** 4) if is_inverse else 1 / (3 * Cbrt(first) ** 2)
+    return _product(slope, symbol, derivative)
 
 
 def _product(

@@ -21,7 +21,7 @@ import sympy
 
 from plants import units
 from plants.errors import ModelError
-from plants.ode import Enumeration, Input, Limit, OdeModel, Output, Parameter, State, Term, Terminal
+from plants.ode import TIME, Enumeration, Input, Limit, OdeModel, Output, Parameter, State, Term, Terminal
 from plants.trigonometry import shorten
 
 
@@ -44,7 +44,8 @@ class NonholonomicSystem:
     parameters
         All that M1, D1, B1 and S use. A parameter that cancels in the reduction does not reach the model.
     S, M1, D1, B1
-        Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k).
+        Motion basis (n, m), inertia (n, n), damping (n, n) and input map (n, k). S and M1 depend on coordinates,
+        parameters and constant terms alone.
     A
         Constraint matrix (n - m, n). The reduction does not need it, but if it is stated, S must satisfy A S = 0.
     F2
@@ -61,8 +62,9 @@ class NonholonomicSystem:
     Raises
     ------
     ModelError
-        The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, S or M1 uses a term that is not
-        constant, or an angle is not a difference of coordinates.
+        The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, S or M1 depends on the time, an input,
+        a pseudo-velocity or a term that is not constant, an angle is not a difference of coordinates, or a quantity has
+        a unit with a factor to SI units, such as g: the derivation would take its number for one in kg.
     """
 
     name: str
@@ -89,7 +91,14 @@ class NonholonomicSystem:
             object.__setattr__(self, "F2", sympy.zeros(m, 1))
         shapes = {"S": (n, m), "M1": (n, n), "D1": (n, n), "B1": (n, k), "A": (n - m, n), "F2": (m, 1)}
         for letter, shape in shapes.items():
-            if getattr(self, letter) is not None and getattr(self, letter).shape != shape:
+            stated = getattr(self, letter)
+            if letter == "A" and stated is None:
+                continue
+            try:
+                object.__setattr__(self, letter, sympy.Matrix(stated))
+            except (TypeError, ValueError):
+                raise ModelError(f"model {self.name!r}: {letter} is {stated!r}, it must be a matrix of SymPy") from None
+            if getattr(self, letter).shape != shape:
                 raise ModelError(f"model {self.name!r}: {letter} is {getattr(self, letter).shape}, it must be {shape}")
         if len(self.disturbances) != n:
             raise ModelError(
@@ -103,12 +112,35 @@ class NonholonomicSystem:
                 raise ModelError(f"model {self.name!r}: the angle {angle.symbol} is not a difference of coordinates")
         if self.A is not None and any(sympy.simplify(entry) != 0 for entry in self._short(self.A * self.S)):
             raise ModelError(f"model {self.name!r}: A S is not zero: the motion basis breaks the constraints")
-        varying = {variable.symbol for variable in (*self.coordinates, *self.velocities)}
+        differentiated = self.S.free_symbols | self.M1.free_symbols
+        moving = (*self.velocities, *self.inputs, *self.disturbances)
+        for symbol in sorted(differentiated & {TIME, *(variable.symbol for variable in moving)}, key=str):
+            raise ModelError(
+                f"model {self.name!r}: S or M1 uses {symbol}: they may depend on coordinates, parameters and constant "
+                "terms alone"
+            )
+        varying = {TIME, *(variable.symbol for variable in (*self.coordinates, *moving))}
         for term in (*self.angles, *self.terms):
             if term.expression.free_symbols & varying:
                 varying.add(term.symbol)
-                if term.symbol in self.S.free_symbols | self.M1.free_symbols:
+                if term.symbol in differentiated:
                     raise ModelError(f"model {self.name!r}: S or M1 uses the term {term.symbol}, which is not constant")
+        self._check_units()
+
+    def _check_units(self) -> None:
+        """Refuse units with a factor, of what the derivation computes with."""
+        matrices = (self.S, self.M1, self.D1, self.B1, self.F2)
+        used = set[sympy.Symbol]().union(*(matrix.free_symbols for matrix in matrices if matrix is not None))
+        others = (p for p in (*self.parameters, *self.terms) if isinstance(p, Parameter | Term) and p.symbol in used)
+        moving = (*self.coordinates, *self.velocities, *self.inputs, *self.disturbances)
+        for quantity in (*moving, *self.angles, *others):
+            unit = units.parse(quantity.unit)
+            if unit.factor != 1.0:
+                way_out = " or convert it in a term" if isinstance(quantity, Parameter) else ""
+                raise ModelError(
+                    f"model {self.name!r}: {quantity.symbol} is in {quantity.unit}, but the derivation computes in SI "
+                    f"units: state it in {unit}{way_out}"
+                )
 
     @cached_property
     def eta(self) -> sympy.Matrix:

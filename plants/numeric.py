@@ -3,6 +3,7 @@
 All arrays may have leading batch dimensions, which broadcast: x (..., states), u (..., inputs), p (..., parameters).
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,14 +17,14 @@ from sympy.printing.numpy import NumPyPrinter
 from plants import arrays
 from plants.errors import ModelError
 from plants.jacobian import differentiate
-from plants.ode import TIME, Enumeration, OdeModel, Term
-from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
+from plants.ode import Enumeration, OdeModel, Term
+from plants.printing import OWN_FUNCTIONS, PythonPrinting, python_function, scalar_functions
 from plants.runge_kutta import runge_kutta_4
 
 Array = npt.NDArray[np.float64]
 
 
-class _Printer(Powers, NumPyPrinter):  # type: ignore[misc]
+class _Printer(PythonPrinting, NumPyPrinter):  # type: ignore[misc]
     """Expressions of NumPy that call functions of our own."""
 
 
@@ -37,7 +38,10 @@ class Jacobians(NamedTuple):
 
 
 Function = Callable[..., Sequence[npt.ArrayLike]]
-"""A function that SymPy has made: of the time and lists of states, inputs and parameters."""
+"""A function of the time and lists of states, inputs and parameters."""
+
+_OF_MATH = {name: np.vectorize(f, otypes=[float]) for name, f in vars(math).items() if callable(f)}
+"""Functions of Python's `math`, for those that NumPy lacks, such as erf."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +127,13 @@ class NumericModel:
 
 
 def compile(model: OdeModel) -> NumericModel:
-    """Turn a model into NumPy functions."""
+    """Turn a model into NumPy functions.
+
+    Raises
+    ------
+    ModelError
+        Neither NumPy nor Python has a function of the model.
+    """
     outputs = [output.expression for output in model.outputs]
     return NumericModel(
         model,
@@ -133,19 +143,9 @@ def compile(model: OdeModel) -> NumericModel:
 
 
 def _function(model: OdeModel, expressions: Sequence[sympy.Expr], terms: Iterable[Term]) -> Function:
-    named = [(term.symbol, term.expression) for term in terms]
-    groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
-    # The named terms take the place of the common subexpressions that SymPy would look for.
-    functions = {name: getattr(arrays, name) for name in scalar_functions()}
-    function: Function = sympy.lambdify(
-        [TIME, *groups],
-        expressions,
-        modules=[functions, "numpy"],
-        printer=_Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS}),
-        cse=lambda reduced: (named, list(reduced)),
-        docstring_limit=0,
-    )
-    return function
+    printer = _Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS})
+    own = {name: getattr(arrays, name) for name in scalar_functions()}
+    return python_function(model, expressions, terms, printer, {**_OF_MATH, **vars(np), **own})
 
 
 def _call(function: Function, t: npt.ArrayLike, *vectors: npt.ArrayLike) -> Array:

@@ -35,6 +35,29 @@ def _make_floats(declared: "Variable | Output | Limit", *attributes: str) -> Non
             raise ModelError(f"{kind} {declared.name!r}: {attribute} is {value!r}, it must be a real number") from None
 
 
+# Characters that no XML can have, not even by a reference.
+_NO_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def _check_statements(declared: "_Declared", *texts: str) -> None:
+    """Refuse symbols that are none of SymPy, and texts that are no texts or cannot be written to a description."""
+    kind = "model" if isinstance(declared, OdeModel) else type(declared).__name__.lower()
+    symbol = getattr(declared, "symbol", None)
+    if hasattr(declared, "symbol") and not isinstance(symbol, sympy.Symbol):
+        raise ModelError(f"{kind}: its symbol is {symbol!r}, it must be a Symbol of SymPy")
+    name = getattr(declared, "name", None) or symbol
+    for attribute in texts:
+        value = getattr(declared, attribute)
+        if not isinstance(value, str):
+            raise ModelError(f"{kind} {str(name)!r}: {attribute} is {value!r}, it must be a text")
+        _check_text(f"{kind} {str(name)!r}: {attribute}", value)
+
+
+def _check_text(place: str, text: str) -> None:
+    if found := _NO_XML.search(text):
+        raise ModelError(f"{place} has the character {found[0]!r}, which no XML file can have: remove it")
+
+
 @dataclass(frozen=True)
 class Variable:
     """A declared real quantity.
@@ -65,6 +88,7 @@ class Variable:
     nominal: float = 1.0
 
     def __post_init__(self) -> None:
+        _check_statements(self, "unit", "description")
         _make_floats(self, "start", "min", "max", "nominal")
 
     @property
@@ -110,6 +134,11 @@ class Enumeration:
     items: Mapping[str, str]
     description: str
 
+    def __post_init__(self) -> None:
+        _check_statements(self, "description")
+        for item, text in self.items.items():
+            _check_text(f"enumeration {self.name!r}: item {item!r}", text)
+
     @property
     def name(self) -> str:
         """The name of the symbol."""
@@ -139,6 +168,9 @@ class Term:
     unit: str = "1"
     equation: str = ""
 
+    def __post_init__(self) -> None:
+        _check_statements(self, "unit", "equation")
+
 
 @dataclass(frozen=True)
 class Output:
@@ -151,6 +183,7 @@ class Output:
     nominal: float = 1.0
 
     def __post_init__(self) -> None:
+        _check_statements(self, "unit", "description")
         _make_floats(self, "nominal")
 
     @property
@@ -186,6 +219,7 @@ class Limit:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        _check_statements(self, "reason", "unit")
         _make_floats(self, "min", "max")
 
     @property
@@ -211,6 +245,9 @@ class Terminal:
     name: str
     symbols: tuple[sympy.Symbol, ...]
     description: str = ""
+
+    def __post_init__(self) -> None:
+        _check_statements(self, "name", "description")
 
 
 @dataclass(frozen=True)
@@ -241,8 +278,8 @@ class OdeModel:
     Raises
     ------
     ModelError
-        A symbol is undefined or declared twice, a name cannot be used in FMI and C, a default lies outside its bounds,
-        or there are not as many derivatives as states.
+        A symbol is undefined or declared twice, a name cannot be used in FMI and C, a text not in XML, a default lies
+        outside its bounds or contradicts the assumptions of its symbol, or there are not as many derivatives as states.
     UnitError
         A unit is not known.
     """
@@ -260,6 +297,7 @@ class OdeModel:
     terminals: tuple[Terminal, ...] = ()
 
     def __post_init__(self) -> None:
+        _check_statements(self, "name", "description")
         object.__setattr__(self, "derivatives", tuple(map(self._expression, self.derivatives)))
         for name in ("outputs", "terms", "limits"):
             items = tuple(replace(item, expression=self._expression(item.expression)) for item in getattr(self, name))
@@ -309,6 +347,8 @@ class OdeModel:
         return tuple(reversed(used))
 
 
+_Declared = Variable | Enumeration | Term | Output | Limit | Terminal | OdeModel
+
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 # Words that a generated C function could not use for a local variable: keywords up to C23, functions, macros.
 _C_WORDS = """
@@ -320,6 +360,8 @@ _C_WORDS = """
     fpclassify isfinite isgreater isgreaterequal isinf isless islessequal islessgreater isnan isnormal isunordered
     signbit math_errhandling INFINITY NAN NULL DECIMAL_DIG MAXFLOAT DOMAIN SING OVERFLOW UNDERFLOW TLOSS PLOSS
     float_t double_t
+    BUFSIZ EOF EXIT_FAILURE EXIT_SUCCESS FILENAME_MAX FOPEN_MAX L_tmpnam MB_CUR_MAX RAND_MAX SEEK_CUR SEEK_END SEEK_SET
+    TMP_MAX stderr stdin stdout errno EDOM EILSEQ ERANGE
 """
 _OUR_WORDS = """
     time states inputs parameters enumerations derivatives outputs limited partials solver solver_step tolerance
@@ -327,11 +369,13 @@ _OUR_WORDS = """
 """
 RESERVED = {*_C_WORDS.split(), *_OUR_WORDS.split()}
 """Names that the generated C code needs for itself."""
-# Names from math.h and float.h, then names from the headers in factory/template.
+# Names from math.h and float.h, from the headers in factory/template, and from limits.h and stdint.h.
 _RESERVED_PREFIX = re.compile(
     r"(_|M_|FP_|HUGE|MATH_|DBL_|FLT_|LDBL_"
     r"|STATE_|INPUT_|PARAMETER_|ENUMERATION_|OUTPUT_|LIMIT_|N_|FIRST_|MODEL_|SOLVER_|AT_SINGULARITY_|model_"
     r"|ELEMENTARY_|elementary_).*"
+    r"|([SU]?CHAR|U?SHRT|U?INT|U?L?LONG|U?INT(_LEAST|_FAST)?(8|16|32|64)|U?INT(MAX|PTR)|S?SIZE|PTRDIFF|SIG_ATOMIC|WCHAR"
+    r"|WINT|MB_LEN)_(MIN|MAX|BIT|WIDTH)"
 )
 
 
@@ -379,6 +423,10 @@ def _check(model: OdeModel) -> None:
             if items and equality.rhs.is_number and equality.rhs not in range(1, len(items) + 1):
                 raise error(f"{place}: {equality.lhs} has no variant {equality.rhs}; it has 1 to {len(items)}")
 
+    def check_nominal(variable: Variable | Output, kind: str) -> None:
+        if not (math.isfinite(variable.nominal) and variable.nominal > 0):
+            raise error(f"{kind} {variable.name!r}: the nominal value must be positive, not {variable.nominal:g}")
+
     for kind, variables in (("state", model.states), ("input", model.inputs), ("parameter", model.reals)):
         for variable in variables:
             declare(variable.symbol, kind)
@@ -388,8 +436,14 @@ def _check(model: OdeModel) -> None:
                 raise error(
                     f"{kind} {variable.name!r}: the default {variable.start:g} is not within its bounds {bounds}"
                 )
-            if not (math.isfinite(variable.nominal) and variable.nominal > 0):
-                raise error(f"{kind} {variable.name!r}: the nominal value must be positive, not {variable.nominal:g}")
+            check_nominal(variable, kind)
+            for assumption in ("positive", "negative", "nonnegative", "nonpositive"):  # by which SymPy simplifies
+                holds = getattr(sympy.Float(variable.start), f"is_{assumption}")
+                if getattr(variable.symbol, f"is_{assumption}") not in (None, holds):
+                    raise error(
+                        f"{kind} {variable.name!r}: the default {variable.start:g} contradicts the assumptions of its "
+                        f"symbol, which is{' not' * holds} {assumption}"
+                    )
     for enumeration in model.enumerations:
         declare(enumeration.symbol, "parameter")
         if not enumeration.items:
@@ -405,6 +459,7 @@ def _check(model: OdeModel) -> None:
         check_symbols(derivative, f"the derivative of {state.name!r}")
     for output in model.outputs:
         units.parse(output.unit)
+        check_nominal(output, "output")
         check_symbols(output.expression, f"output {output.name!r}")
     for output in model.outputs:
         declare(output.symbol, "output")
@@ -429,5 +484,5 @@ def _check(model: OdeModel) -> None:
         for symbol in terminal.symbols:
             if symbol not in connectable:
                 raise error(
-                    f"terminal {terminal.name!r}: {symbol.name!r} is neither an input nor an output of the model"
+                    f"terminal {terminal.name!r}: {str(symbol)!r} is neither an input nor an output of the model"
                 )

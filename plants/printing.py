@@ -1,11 +1,16 @@
 """How expressions, in C as in Python, call functions whose bits are the same on every machine."""
 
+import ast
+import builtins
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy
 from sympy.printing.precedence import precedence
 
 from plants import elementary, logarithms
+from plants.errors import ModelError
+from plants.ode import TIME, OdeModel, Term
 
 OWN_FUNCTIONS = {
     **{name: name for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot")},
@@ -19,8 +24,11 @@ OWN_FUNCTIONS = {
 from a C library."""
 
 
-class Powers:
-    """A printer's way with powers: products where the exponent is a small whole number, else functions of our own."""
+class Printing:
+    """A printer's way with powers, and with functions that others print otherwise.
+
+    Powers are products where the exponent is a small whole number, else functions of our own.
+    """
 
     own_prefix = ""
 
@@ -34,7 +42,94 @@ class Powers:
             return str(super()._print_Pow(expression))  # type: ignore[misc]
         if exponent == sympy.Rational(1, 3):
             return f"{self.own_prefix}cbrt({self._print(base)})"
+        if exponent == -sympy.Rational(1, 3):
+            return f"1.0/{self.own_prefix}cbrt({self._print(base)})"
         return f"{self.own_prefix}pow({self._print(base)}, {self._print(exponent)})"
+
+    def _print_exp2(self: Any, expression: sympy.Expr) -> str:
+        return f"{self.own_prefix}pow(2.0, {self._print(expression.args[0])})"
+
+    def _print_Max(self: Any, expression: sympy.Max) -> str:
+        return self._nested("larger", expression.args)  # type: ignore[no-any-return]
+
+    def _print_Min(self: Any, expression: sympy.Min) -> str:
+        return self._nested("smaller", expression.args)  # type: ignore[no-any-return]
+
+    def _nested(self: Any, function: str, arguments: Sequence[sympy.Expr]) -> str:
+        """Return a call of a function of two numbers for more of them."""
+        *before, text = map(self._print, arguments)
+        for argument in reversed(before):
+            text = f"{self.own_prefix}{function}({argument}, {text})"
+        return str(text)
+
+
+class PythonPrinting(Printing):
+    """A printer's way with Python: symbols have a prefix that no function has, and numbers have all of their digits."""
+
+    def _print_Symbol(self, symbol: sympy.Symbol) -> str:
+        return f"symbol_{symbol.name}"
+
+    def _print_Float(self, value: sympy.Float) -> str:
+        return repr(float(value))
+
+    _print_NumberSymbol = _print_Pi = _print_Exp1 = _print_Float
+
+
+def python_function(
+    model: OdeModel,
+    expressions: Iterable[sympy.Expr],
+    terms: Iterable[Term],
+    printer: PythonPrinting,
+    functions: Mapping[str, Any],
+) -> Callable[..., list[Any]]:
+    """Return a function of the time and sequences of states, inputs and parameters that returns values of expressions.
+
+    SymPy's `lambdify` takes symbols by their own names, which may be those of functions.
+
+    Parameters
+    ----------
+    model
+        The model that declares the symbols.
+    expressions, terms
+        What is computed, and the named terms that it needs, in order.
+    printer
+        A printer of SymPy for Python.
+    functions
+        The functions, by the names that the printer gives them.
+
+    Raises
+    ------
+    ModelError
+        Python has no such function.
+    """
+    text: Callable[[sympy.Expr], str] = printer.doprint  # type: ignore[attr-defined]
+
+    def written(expression: sympy.Expr) -> str:
+        try:
+            line = text(expression)
+        except NotImplementedError:  # the printer knows no way to write it
+            missing = {type(part).__name__ for part in sympy.preorder_traversal(expression)} - {"Symbol"}
+            raise _lacks(model, expression, missing if len(missing) == 1 else set()) from None
+        names = {node.id for node in ast.walk(ast.parse(line, mode="eval")) if isinstance(node, ast.Name)}
+        own = {text(symbol) for symbol in expression.free_symbols}
+        if missing := names - own - functions.keys() - vars(builtins).keys():
+            raise _lacks(model, expression, missing)
+        return line
+
+    lines = [f"def function({text(TIME)}, states, inputs, parameters):"]
+    for group in ("states", "inputs", "parameters"):
+        lines.append(f"    [{', '.join(text(variable.symbol) for variable in getattr(model, group))}] = {group}")
+    lines += [f"    {text(term.symbol)} = {written(term.expression)}" for term in terms]
+    lines.append(f"    return [{', '.join(map(written, expressions))}]")
+    namespace = dict(functions)
+    exec(compile("\n".join(lines), f"<model {model.name}>", "exec"), namespace)
+    function: Callable[..., list[Any]] = namespace["function"]
+    return function
+
+
+def _lacks(model: OdeModel, expression: sympy.Expr, names: Iterable[str]) -> ModelError:
+    reason = f": it has no {', '.join(sorted(names))}" if names else ""
+    return ModelError(f"model {model.name!r}: {expression} cannot be computed in Python{reason}")
 
 
 def scalar_functions() -> dict[str, Any]:

@@ -2,65 +2,89 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import formation_controllers as fc
 import numpy as np
 from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.errors import InputError
-from cosim.vehicle.kind import OnPath
-from cosim.vehicle.kinds import kind_named
+from cosim.vehicle.kind import Kind, OnPath
 
 
-def as_seen_by(
-    vehicle: Vehicle, leader: Vehicle, state: NDArray[np.float64], acceleration: NDArray[np.float64] | None
-) -> fc.Leader:
-    """Return the leader as if it were the follower's kind of vehicle, on the same path at the same speed.
+@dataclass(frozen=True)
+class LeaderView:
+    """How followers of one kind and geometry see the leader.
 
-    A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own geometry.
-    Position, heading, speed and curvature of the path are kept. Between equal vehicles the state stays unchanged.
-
-    Parameters
+    Attributes
     ----------
-    vehicle, leader
-        The follower's vehicle and the leader's.
-    state
-        The leader's pose and pseudo-velocities, one after the other.
-    acceleration
-        Its pseudo-accelerations, if known; between different vehicles they are left out.
+    kind, vehicle
+        The followers' kind of vehicle, and their geometry.
+    leader_kind, leader
+        The leader's. Kinds of different names may make vehicles of the same class.
     """
-    if alike(vehicle, leader):
-        return fc.Leader(state[: len(leader.pose)], state[len(leader.pose) :], acceleration)
-    on_path, leads_on = _on_path(vehicle), _on_path(leader)
-    seen = np.array(on_path.state(vehicle, leads_on.course(leader, state.tolist())))
-    return fc.Leader(seen[: len(vehicle.pose)], seen[len(vehicle.pose) :])
+
+    kind: Kind
+    vehicle: Vehicle
+    leader_kind: Kind
+    leader: Vehicle
+
+    @property
+    def alike(self) -> bool:
+        """Whether a follower reads the leader's pose by its own geometry as the leader itself would."""
+        if self.vehicle.kind != self.leader.kind:
+            return False
+        on_path = self.kind.on_path
+        return on_path is None or on_path.steering_length(self.vehicle) == on_path.steering_length(self.leader)
+
+    @property
+    def on_paths(self) -> tuple[OnPath, OnPath]:
+        """How the followers move along a path, and how the leader does.
+
+        Raises
+        ------
+        InputError
+            One of the two kinds states no motion along a path.
+        """
+        return _on_path(self.kind), _on_path(self.leader_kind)
+
+    def check(self) -> None:
+        """Check that the followers can follow the leader.
+
+        Raises
+        ------
+        InputError
+            They are not alike, and one of the two kinds states no motion along a path.
+        """
+        if not self.alike:
+            _ = self.on_paths
+
+    def seen(self, state: NDArray[np.float64], acceleration: NDArray[np.float64] | None) -> fc.Leader:
+        """Return the leader as if it were the follower's kind of vehicle, on the same path at the same speed.
+
+        A follower's law reads the leader's steering angle, or the angle between tractor and trailer, by its own
+        geometry. Position, heading, speed and curvature of the path are kept. Between equal vehicles the state stays
+        unchanged.
+
+        Parameters
+        ----------
+        state
+            The leader's pose and pseudo-velocities, one after the other.
+        acceleration
+            Its pseudo-accelerations, if known; between different vehicles they are left out.
+        """
+        if self.alike:
+            return fc.Leader(state[: len(self.leader.pose)], state[len(self.leader.pose) :], acceleration)
+        on_path, leads_on = self.on_paths
+        seen = np.array(on_path.state(self.vehicle, leads_on.course(self.leader, state.tolist())))
+        return fc.Leader(seen[: len(self.vehicle.pose)], seen[len(self.vehicle.pose) :])
 
 
-def alike(vehicle: Vehicle, leader: Vehicle) -> bool:
-    """Return whether a follower reads the leader's pose by its own geometry as the leader itself would."""
-    if vehicle.kind != leader.kind:
-        return False
-    on_path = kind_named(vehicle.kind).on_path
-    return on_path is None or on_path.steering_length(vehicle) == on_path.steering_length(leader)
-
-
-def check_view(vehicle: Vehicle, leader: Vehicle) -> None:
-    """Check that followers of one kind of vehicle can follow a leader of another.
-
-    Raises
-    ------
-    InputError
-        One of the two kinds states no motion along a path.
-    """
-    for one in (vehicle, leader) if not alike(vehicle, leader) else ():
-        _on_path(one)
-
-
-def _on_path(vehicle: Vehicle) -> OnPath:
-    on_path = kind_named(vehicle.kind).on_path
-    if on_path is None:
+def _on_path(kind: Kind) -> OnPath:
+    if kind.on_path is None:
         raise InputError(
-            f"the kind {vehicle.kind} states no motion along a path: its leader and followers must be "
-            f"{vehicle.kind} vehicles, too"
+            f"the kind {kind.name} states no motion along a path: its leader and followers must be "
+            f"{kind.name} vehicles, too"
         )
-    return on_path
+    return kind.on_path

@@ -8,12 +8,11 @@ from typing import Any
 
 import formation_controllers as fc
 import numpy as np
-from formation_controllers.vehicles import Vehicle
 from numpy.typing import NDArray
 
 from cosim.control.host import shapes_of, stated, telemetry_type
 from cosim.control.law import Law, LawGains
-from cosim.control.leader_view import alike, as_seen_by
+from cosim.control.leader_view import LeaderView
 from cosim.errors import SimulationError
 
 
@@ -30,10 +29,8 @@ class Team(ABC):
         Those of each follower.
     robots, rows
         The followers' names, and their rows in the arrays of all followers.
-    vehicle
-        Their geometry.
-    leader
-        The leader's geometry.
+    view
+        Their kind of vehicle and geometry, and the leader's.
     period
         Sample period [s].
 
@@ -43,6 +40,8 @@ class Team(ABC):
         The rows as an index; a slice, which NumPy takes in a fifth of the time, where they are neighbours.
     poses, velocities, commands : tuple
         Their entries in the arrays of all followers as an index: the first ones of each row.
+    vehicle, leader : Vehicle
+        The followers' geometry, and the leader's.
     telemetry_type : numpy.dtype
         The record of the signals that the law states.
     alike : bool
@@ -57,11 +56,10 @@ class Team(ABC):
         gains: Sequence[LawGains],
         robots: Sequence[str],
         rows: Sequence[int],
-        vehicle: Vehicle,
-        leader: Vehicle,
+        view: LeaderView,
         period: float,
     ) -> None:
-        self.made_of = (law, tuple(gains), tuple(robots), tuple(rows), vehicle, leader, period)
+        self.made_of = (law, tuple(gains), tuple(robots), tuple(rows), view, period)
         self.law = law
         self.gains = tuple(gains)
         self.robots = tuple(robots)
@@ -70,12 +68,11 @@ class Team(ABC):
         first, last = int(rows[0]), int(rows[-1])
         neighbours = list(rows) == list(range(first, last + 1))
         self.place: slice | NDArray[np.int_] = slice(first, last + 1) if neighbours else self.rows
-        self.poses = self._index(len(vehicle.pose))
-        self.velocities = self._index(len(vehicle.velocity))
-        self.commands = self._index(len(vehicle.command))
-        self.vehicle = vehicle
-        self.leader = leader
-        self.alike = alike(vehicle, leader)
+        self.view, self.vehicle, self.leader = view, view.vehicle, view.leader
+        self.poses = self._index(len(self.vehicle.pose))
+        self.velocities = self._index(len(self.vehicle.velocity))
+        self.commands = self._index(len(self.vehicle.command))
+        self.alike = view.alike
         self.measured = "velocity" in law.needs
         self.telemetry_type: np.dtype[np.void] = telemetry_type(law.signals)
         self._make()
@@ -185,12 +182,12 @@ class Team(ABC):
         if self.alike:
             entries = len(self.leader.pose)
             return fc.Leader(leader[:entries], leader[entries:], acceleration)
-        return as_seen_by(self.vehicle, self.leader, leader, acceleration)
+        return self.view.seen(leader, acceleration)
 
     def _failure(self, row: int | None, said: str, time: float, variable: str = "") -> SimulationError:
         robot = self.robots[row] if row is not None else " and ".join(self.robots)
         return SimulationError(robot, time, f"the controller {self.law.source.name!r} {said}", variable)
 
 
-MadeOf = tuple[Law, tuple[LawGains, ...], tuple[str, ...], tuple[int, ...], Vehicle, Vehicle, float]
+MadeOf = tuple[Law, tuple[LawGains, ...], tuple[str, ...], tuple[int, ...], LeaderView, float]
 """The arguments of a team."""

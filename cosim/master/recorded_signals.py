@@ -73,7 +73,7 @@ def _courses(
             if formation_of(team.vehicle) is None:
                 found[:, team.place, block] = np.nan
             else:
-                own, pose = setup.columns.pose.of[team.vehicle.kind], arrays["pose"][block, team.place]
+                own, pose = setup.columns.pose.of[team.view.kind.name], arrays["pose"][block, team.place]
                 if own != tuple(range(pose.shape[-1])):
                     pose = pose[..., own]
                 wanted = desired[block, team.place]

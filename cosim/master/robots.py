@@ -31,6 +31,7 @@ from cosim.scenario.scenario import (
 from cosim.signals import effects
 from cosim.storage import Storage
 from cosim.vehicle.kind import Kind, Role, names, units_of
+from cosim.vehicle.kinds import vehicle_fault
 from cosim.vehicle.outline import Outline, outline_fault
 
 
@@ -152,6 +153,11 @@ def _robot(
         vehicle = kind.vehicle(**geometry(fmu, parameters, where))
     except fc.ControllerError as error:
         raise InputError(f"{name}: {error}", where) from None
+    except Exception as error:  # whatever someone's function does
+        problem = f"cannot make its vehicle: {type(error).__name__}: {error}"
+        raise InputError(f"{name}: the kind of vehicle {kind.name!r} {problem}", where) from None
+    if fault := vehicle_fault(kind, vehicle):
+        raise InputError(f"{name}: the kind of vehicle {kind.name!r} {fault}", where)
     times = Times(scenario.step, scenario.ticks)
     poses, commands = f"the pose of {name}, a {kind.name},", f"the actuators of {name}, a {kind.name},"
     sensing = known.of((name, "sensor"), effects.understood, about.sensor, units_of(kind.pose), times, poses)

@@ -13,7 +13,7 @@ from formation_controllers.vehicles import Vehicle, is_one_of
 
 from cosim.control.hosts import Hosts
 from cosim.control.law import Law, LawGains, find_law, gains_of
-from cosim.control.leader_view import check_view
+from cosim.control.leader_view import LeaderView
 from cosim.errors import InputError
 from cosim.fmu.vehicle import Fmu
 from cosim.known import Known
@@ -164,7 +164,7 @@ def set_up(
         leader = leader_of(scenario, fmus, storage, None if before is None else before.leader, known)
         motion = None
         if scenario.leader.trajectory is not None:
-            motion = leader_motion(scenario.leader.trajectory, leader.vehicle, scenario.clock, storage)
+            motion = leader_motion(scenario.leader.trajectory, leader.kind, leader.vehicle, scenario.clock, storage)
         followers = followers_of(scenario, fmus, storage, () if before is None else before.followers, known)
         kinds = tuple(dict.fromkeys(robot.kind for robot in followers))
         times = Times(scenario.step, scenario.ticks)
@@ -264,6 +264,6 @@ def _check_views(leader: RobotSetup, followers: Iterable[RobotSetup]) -> None:
     """Refuse followers that cannot follow a leader of this kind."""
     for robot in followers:
         try:
-            check_view(robot.vehicle, leader.vehicle)
+            LeaderView(robot.kind, robot.vehicle, leader.kind, leader.vehicle).check()
         except InputError as error:
             raise InputError(f"{robot.name}: {error.message}", robot.where) from None

@@ -15,7 +15,7 @@ from cosim.scenario.csv_table import read_table
 from cosim.scenario.scenario import Trajectory
 from cosim.signals.spline import through
 from cosim.storage import Storage, blocks
-from cosim.vehicle.kinds import kind_named
+from cosim.vehicle.kind import Kind, OnPath
 from cosim.vehicle.path import Motion, PathMotion
 from plants import arrays
 
@@ -29,7 +29,7 @@ MIN_SPEED = 1e-3  # m/s
 MAX_STEERING = math.radians(80)
 
 
-def leader_motion(trajectory: Trajectory, vehicle: Vehicle, clock: Clock, storage: Storage) -> Motion:
+def leader_motion(trajectory: Trajectory, kind: Kind, vehicle: Vehicle, clock: Clock, storage: Storage) -> Motion:
     """Return the motion in which a vehicle's reference point follows a path exactly, driving forwards.
 
     The path is a quintic spline through the points, or near them if the trajectory is smoothed. The reference
@@ -41,8 +41,8 @@ def leader_motion(trajectory: Trajectory, vehicle: Vehicle, clock: Clock, storag
     ----------
     trajectory
         The points.
-    vehicle
-        The vehicle's geometry.
+    kind, vehicle
+        The kind of vehicle, and its geometry.
     clock
         The communication points.
     storage
@@ -51,15 +51,22 @@ def leader_motion(trajectory: Trajectory, vehicle: Vehicle, clock: Clock, storag
     Raises
     ------
     InputError
-        The table cannot be used, there are fewer than six points or they do not reach from 0 to the horizon, or the
-        vehicle cannot follow the path: it stands still, or has to steer by more than 80 degrees.
+        The kind states no motion along a path; the table cannot be used; there are fewer than six points, or they do
+        not reach from 0 to the horizon; or the vehicle cannot follow the path: it stands still, or has to steer by
+        more than 80 degrees.
     """
+    if kind.on_path is None:
+        raise InputError(
+            f"the kind {kind.name} states no motion along a path: give the leader a <pose> and commands "
+            "instead of a <trajectory>",
+            trajectory.where,
+        )
     path, heading = _spline(trajectory, clock.horizon), _Heading()
     found: Motion | None = None
     for block in blocks(clock.ticks + 1):
         times = clock.times_in(block)
         with np.errstate(all="ignore"):
-            motion = _flat_motion(trajectory, path, vehicle, times, heading)
+            motion = _flat_motion(trajectory, path, kind.on_path, vehicle, times, heading)
         beyond = np.asarray(~np.isfinite(np.hstack([motion.state, motion.acceleration])).all(axis=1))
         _refuse(trajectory, times, beyond, "is too fast to compute with", "no vehicle moves like this")
         if found is None:
@@ -92,15 +99,13 @@ class _Heading:
 
 
 def _flat_motion(
-    trajectory: Trajectory, path: Path, vehicle: Vehicle, times: NDArray[np.float64], course: _Heading
+    trajectory: Trajectory,
+    path: Path,
+    on_path: OnPath,
+    vehicle: Vehicle,
+    times: NDArray[np.float64],
+    course: _Heading,
 ) -> Motion:
-    on_path = kind_named(vehicle.kind).on_path
-    if on_path is None:
-        raise InputError(
-            f"the kind {vehicle.kind} states no motion along a path: give the leader a <pose> and commands "
-            "instead of a <trajectory>",
-            trajectory.where,
-        )
     (x_1, y_1), (x_2, y_2), (x_3, y_3), (x_4, y_4) = (path(times, nu).T for nu in (1, 2, 3, 4))
     v = arrays.hypot(x_1, y_1)
     _refuse(trajectory, times, v < MIN_SPEED, "stands still", "its heading is not defined there")

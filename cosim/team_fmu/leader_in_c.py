@@ -10,12 +10,10 @@ from typing import Any, cast
 import numpy as np
 from formation_controllers.vehicles import Vehicle
 
-from cosim.control.leader_view import alike
 from cosim.control.team import Team
 from cosim.team_fmu.c_text import number
 from cosim.translation import CSource, Entry
 from cosim.translation.names import identifier
-from cosim.vehicle.kinds import kind_named
 from cosim.vehicle.path import Course
 from plants import elementary
 
@@ -34,12 +32,10 @@ class LeaderInC:
     def __init__(self, label: str, team: Team) -> None:
         self._label, self._team = label, team
         self.entries: tuple[Entry, ...] = ()
-        self._is_alike = alike(team.vehicle, team.leader)
+        self._is_alike = team.alike
         if self._is_alike:
             return
-        on_path, leads_on = (kind_named(vehicle.kind).on_path for vehicle in (team.vehicle, team.leader))
-        if on_path is None or leads_on is None:  # such a team is refused before
-            raise RuntimeError(f"{team.vehicle.kind} cannot follow {team.leader.kind}")
+        on_path, leads_on = team.view.on_paths
         self._leader, self._vehicle = _numbers("Leader", team.leader), _numbers("Follower", team.vehicle)
         state = np.zeros(len(team.leader.pose) + len(team.leader.velocity))
         self.entries = (

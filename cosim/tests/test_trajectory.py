@@ -7,14 +7,17 @@ from pathlib import Path
 import formation_controllers as fc
 import numpy as np
 import pytest
+from formation_controllers.vehicles import Vehicle
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.interpolate import make_interp_spline
 
 from cosim.clock import Clock
 from cosim.errors import InputError, Location
 from cosim.scenario.scenario import Trajectory
-from cosim.signals.trajectory import leader_motion
+from cosim.signals import trajectory as trajectories
 from cosim.storage import Storage
+from cosim.vehicle.kinds import kind_named
+from cosim.vehicle.path import Motion
 
 WHERE = Location("scenario.xml", 9, 5)
 CAR = fc.CarLike(1.2)
@@ -29,6 +32,10 @@ Path2 = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 def along(path: Path2, time: np.ndarray, smoothing: float = 0.0) -> Trajectory:
     x, y = path(time)
     return Trajectory(tuple(zip(time.tolist(), x.tolist(), y.tolist(), strict=True)), None, smoothing, WHERE)
+
+
+def leader_motion(trajectory: Trajectory, vehicle: Vehicle, clock: Clock, storage: Storage) -> Motion:
+    return trajectories.leader_motion(trajectory, kind_named(vehicle.kind), vehicle, clock, storage)
 
 
 def eight(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

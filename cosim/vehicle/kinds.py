@@ -7,10 +7,13 @@ name its fault.
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable, Iterator, Mapping
+import numbers
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
+
+from formation_controllers.vehicles import Vehicle
 
 from cosim.errors import InputError, nearest
 from cosim.vehicle.car_like import CAR_LIKE
@@ -166,3 +169,29 @@ def kind_fault(kind: Kind) -> str:
     if kind.probe and len(kind.probe) != len(kind.pose):
         return f"has a probe of {len(kind.probe)} entries: expected {len(kind.pose)}, as many as the pose has"
     return ""
+
+
+def vehicle_fault(kind: Kind, vehicle: Vehicle) -> str:
+    """Return how a kind and the vehicle that it makes contradict each other, as the end of a sentence; else empty.
+
+    A law reads the entries of a pose and returns commands in the order of its vehicle, the harness in that of the kind.
+    """
+    for group in ("pose", "velocity", "command"):
+        roles: tuple[Role, ...] = getattr(kind, group)
+        stated = [(role.name, role.unit) for role in roles]
+        entries = getattr(vehicle, group, None)
+        try:
+            its = [(entry.name, entry.unit) for entry in entries]  # type: ignore[union-attr]
+        except (AttributeError, TypeError):
+            return f"makes the vehicle {vehicle!r}: expected one whose {group} is a tuple of Entry(name, unit)"
+        if its != stated:
+            return f"has the {group} {_listed(stated)}, its vehicle {_listed(its)}: expected the same"
+    for field, role in kind.geometry.items():  # a result holds them
+        value = getattr(vehicle, field, None)
+        if value is None or (role.unit and not isinstance(value, numbers.Real)):
+            return f"makes a vehicle whose {field} is {value!r}: expected an attribute for each entry of its geometry"
+    return ""
+
+
+def _listed(entries: Sequence[tuple[str, str]]) -> str:
+    return ", ".join(f"{name} [{unit}]" for name, unit in entries) or "of no entry"

@@ -20,10 +20,11 @@ from itertools import pairwise
 import sympy
 from sympy.printing.pycode import PythonCodePrinter
 
+from plants.errors import ModelError
 from plants.factory.table import SOLVER, SOLVER_STEP
 from plants.factory.variables import Entry, Table
-from plants.ode import TIME, OdeModel
-from plants.printing import OWN_FUNCTIONS, Powers, scalar_functions
+from plants.ode import OdeModel
+from plants.printing import OWN_FUNCTIONS, PythonPrinting, python_function, scalar_functions
 from plants.runge_kutta import runge_kutta_4
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -41,11 +42,16 @@ piece behind the one before it."""
 DIGITS = 10
 """Digits of a result, relative to the largest magnitude of its variable."""
 TOLERANCE = 1e-6
+_MOVED = 1e-12
+"""By how much of themselves times and states are moved, to see whether the results depend on the last bits."""
+_PARTED = 0.5 * TOLERANCE
+"""Difference at which the results of moved ones have parted, relative to the largest magnitude of each variable, or
+to a thousandth of its nominal value if that is larger: of a sum that is zero, the last bits are all there is."""
 _LARGEST = 1e9
 """Largest magnitude of a state, in nominal values; a model beyond it has diverged."""
 
-_BROKEN = (ArithmeticError, ValueError, TypeError, NameError)
-"""Errors of an evaluation: of numbers, and of a function that Python lacks."""
+_BROKEN = (ArithmeticError, ValueError, TypeError)
+"""Errors of an evaluation: a number that is too large, outside of a function's domain, or complex."""
 
 
 @dataclass(frozen=True)
@@ -91,14 +97,21 @@ class Experiment:
 def reference_experiment(model: OdeModel, table: Table) -> Experiment | None:
     """Return the reference experiment of a model.
 
-    It ends well before a state diverges, a limit is left or the equations have no value, as the numbers there depend on
-    the last bit. There is no experiment if not a single step comes before, or if Python lacks a function.
+    It ends well before a state diverges, a limit is left or the equations have no value, and before a result depends on
+    the last bits of the time or a state, as at a step in time that falls on a communication point. There is no
+    experiment if not a single step comes before, or if Python lacks a function.
     """
-    equations = _Equations(model)
+    try:
+        equations = _Equations(model)
+    except ModelError:
+        return None
     inputs = [[_level(entry, number, k) for number, entry in enumerate(table.inputs)] for k in range(STEPS)]
     rows = _simulate(equations, table, inputs)
     if len(rows) <= STEPS:
         rows = rows[: len(rows) // 2 + 1]
+    computed = (*table.states, *table.outputs)
+    for moved in (-_MOVED, _MOVED):
+        rows = _as_far_as_agreed(rows, _simulate(equations, table, inputs[: len(rows)], moved), computed)
     every = max(1, (len(rows) - 1) // SAMPLES)
     rows = rows[::every]
     if len(rows) < 2:
@@ -110,7 +123,7 @@ def reference_experiment(model: OdeModel, table: Table) -> Experiment | None:
         tolerance=TOLERANCE,
         parameters=_parameters(table),
         stimuli=_stimuli(table.inputs, inputs[:steps]),
-        results=_results([e.name for e in (*table.states, *table.outputs)], every, rows),
+        results=_results([e.name for e in computed], every, rows),
         has_inputs=bool(table.inputs),
     )
 
@@ -130,7 +143,7 @@ def _parameters(table: Table) -> tuple[Setting, ...]:
     return (*numbers, *(Setting(name, SOLVER_ITEM if name == SOLVER.name else item) for name, item in chosen))
 
 
-class _Printer(Powers, PythonCodePrinter):  # type: ignore[misc]
+class _Printer(PythonPrinting, PythonCodePrinter):  # type: ignore[misc]
     """Expressions of Python that call functions of our own."""
 
 
@@ -158,18 +171,9 @@ class _Equations:
         ) and all(abs(x) <= _LARGEST * s.nominal for x, s in zip(states, self._model.states, strict=True))
 
     def _function(self, expressions: Sequence[sympy.Expr]) -> Callable[..., list[float]]:
-        model = self._model
-        named = [(term.symbol, term.expression) for term in model.terms_of(expressions)]
-        groups = ([v.symbol for v in variables] for variables in (model.states, model.inputs, model.parameters))
-        function: Callable[..., list[float]] = sympy.lambdify(
-            [TIME, *groups],
-            list(expressions),
-            modules=[scalar_functions(), "math"],
-            printer=_Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS}),
-            cse=lambda reduced: (named, list(reduced)),
-            docstring_limit=0,
-        )
-        return function
+        printer = _Printer({"fully_qualified_modules": False, "user_functions": OWN_FUNCTIONS})
+        terms = self._model.terms_of(expressions)
+        return python_function(self._model, expressions, terms, printer, {**vars(math), **scalar_functions()})
 
 
 def _real(values: Iterable[float]) -> list[float]:
@@ -180,23 +184,40 @@ def _real(values: Iterable[float]) -> list[float]:
     return numbers
 
 
-def _simulate(equations: _Equations, table: Table, inputs: Sequence[Sequence[float]]) -> list[list[float]]:
+def _simulate(
+    equations: _Equations, table: Table, inputs: Sequence[Sequence[float]], moved: float = 0.0
+) -> list[list[float]]:
     """Return states and outputs at the start and after each step, as long as the equations hold.
 
-    As in Co-Simulation, inputs are held over a step, and the outputs at its end belong to these inputs.
+    As in Co-Simulation, inputs are held over a step, and the outputs at its end belong to these inputs. All times are
+    moved, and the states after each step, by a fraction of themselves; the start is exact.
     """
+    times = [_time(k) * (1.0 + moved) for k in range(len(inputs) + 1)]
     rows: list[list[float]] = []
     x = [entry.start_value for entry in table.states]
     try:
         rows.append([*x, *equations.outputs(0.0, x, inputs[0])])
         for k, u in enumerate(inputs):
-            x = runge_kutta_4(partial(equations.derivatives, u), _time(k), x, STEP)
-            if not equations.hold(_time(k + 1), x, u):
+            x = runge_kutta_4(partial(equations.derivatives, u), times[k], x, STEP)
+            x = [value * (1.0 + moved) for value in x]
+            if not equations.hold(times[k + 1], x, u):
                 break
-            rows.append([*x, *equations.outputs(_time(k + 1), x, u)])
+            rows.append([*x, *equations.outputs(times[k + 1], x, u)])
     except _BROKEN:
         pass
     return rows
+
+
+def _as_far_as_agreed(
+    rows: list[list[float]], others: list[list[float]], computed: Iterable[Entry]
+) -> list[list[float]]:
+    """Return the first rows, as long as others agree with them."""
+    columns = zip(computed, zip(*rows, strict=True), strict=bool(rows))
+    largest = [max(1e-3 * entry.nominal, *map(abs, column)) for entry, column in columns]
+    for k, (row, other) in enumerate(zip(rows, others, strict=False)):
+        if any(abs(a - b) > _PARTED * most for a, b, most in zip(row, other, largest, strict=True)):
+            return rows[:k]
+    return rows[: len(others)]
 
 
 # Tables -----------------------------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """The files of an FMU: the generated C, XML and HTML of a model, the hand-written runtime, and the headers of FMI."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from plants.factory.table import tabulate, with_starts
 from plants.factory.variables import Entry, Table
 from plants.jacobian import differentiate
 from plants.ode import TIME, Enumeration, OdeModel, Term
-from plants.printing import OWN_FUNCTIONS, Powers
+from plants.printing import OWN_FUNCTIONS, Printing
 
 RUNTIME = ("model.h", "simulation.c", "simulation_state.h", "solver.c", "solver.h")
 _TEMPLATES = {
@@ -61,13 +62,15 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     Raises
     ------
     ModelError
-        The model uses a function that C has not, or one that cannot be differentiated; or a start value does not fit.
+        The model uses a function that C has not, or one that cannot be differentiated; a name is one that the
+        runtime has in C; or a start value does not fit.
     BuildError
         FMPy, which brings the headers of FMI, is not complete.
     """
     version = VERSIONS[fmi]
     files = runtime_of(version, RUNTIME)
     files["sources/" + c_functions.FILE] = c_functions.header().encode()
+    _check_names(model, b"\n".join(content for path, content in files.items() if path.startswith("sources/")).decode())
 
     table = with_starts(tabulate(model), starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
@@ -97,6 +100,21 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
         "digits": experiment.DIGITS,
     }
     return rendered(files, templates, context)
+
+
+def _check_names(model: OdeModel, runtime: str) -> None:
+    """Refuse names that the runtime, which is compiled as one unit with the model, has for something of its own.
+
+    The model's symbols are local in C: only a macro takes their place. Items of enumerations are not.
+    """
+    macros, words = set(re.findall(r"#\s*define (\w+)", runtime)), set(re.findall(r"\w+", runtime))
+    symbols = [variable.symbol.name for variable in (*model.states, *model.inputs, *model.parameters, *model.terms)]
+    items = [f"{enumeration.name}_{item}" for enumeration in model.enumerations for item in enumeration.items]
+    for name in (*sorted(macros.intersection(symbols)), *sorted(words.intersection(items))):
+        raise ModelError(
+            f"model {model.name!r}: the generated C code uses the name {name!r} for something else: "
+            f"choose another name{' for the enumeration or its item' if name in items else ''}"
+        )
 
 
 @dataclass(frozen=True)
@@ -232,7 +250,7 @@ _NODES = (
 """Parts of an expression besides functions; the printer would print others as text that is not C."""
 
 
-class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
+class _Printer(Printing, C99CodePrinter):  # type: ignore[misc]
     """C expressions in double arithmetic, in which a variant of an enumeration goes by its name."""
 
     own_prefix = c_functions.PREFIX
@@ -240,9 +258,7 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
     def __init__(self, model: OdeModel) -> None:
         # A named constant such as M_PI is not part of C11: constants are printed as numbers. abs is for int.
         own = {name: self.own_prefix + function for name, function in OWN_FUNCTIONS.items()}
-        super().__init__(
-            {"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs", "exp2": self._exp2, **own}}
-        )
+        super().__init__({"math_macros": {}, "strict": True, "user_functions": {"Abs": "fabs", **own}})
         self._model = model
         self._enumerations = {enumeration.name: enumeration for enumeration in model.enumerations}
         self._functions = {*self.known_functions, *self._rewriteable_functions, "Mod", "sign"}
@@ -260,9 +276,6 @@ class _Printer(Powers, C99CodePrinter):  # type: ignore[misc]
 
     def _error(self, expression: sympy.Expr, reason: str = "") -> ModelError:
         return ModelError(f"model {self._model.name!r}: {expression} cannot be written in C{reason}")
-
-    def _exp2(self, exponent: sympy.Expr) -> str:
-        return f"{self.own_prefix}pow(2.0, {self._print(exponent)})"
 
     # A quotient of two integers would be an integer in C: in arithmetic all is double.
     def _print_Integer(self, value: sympy.Integer) -> str:

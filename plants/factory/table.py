@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import numbers
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
@@ -173,7 +174,8 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
             if number is None:
                 raise ModelError(f"{entry.name} has no item {value!r}; it has {', '.join(i.name for i in entry.items)}")
             return replace(entry, start=number)
-        if isinstance(value, str | bool) or not (math.isfinite(value) and entry.min <= value <= entry.max):
+        is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+        if isinstance(value, str) or not (is_number and math.isfinite(value) and entry.min <= value <= entry.max):
             raise ModelError(f"{entry.name} cannot start at {value!r}; it lies from {entry.min:g} to {entry.max:g}")
         return replace(entry, start=float(value))
 

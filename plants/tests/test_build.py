@@ -350,6 +350,8 @@ def test_start_values_of_ones_own_are_those_of_the_fmu_and_of_its_binary(tmp_pat
         ({"m_c": math.inf}, "m_c cannot start at inf"),
         ({"x": -math.inf}, "x cannot start at -inf"),
         ({"m_c": True}, "m_c cannot start at True"),
+        ({"m_c": None}, "m_c cannot start at None"),
+        ({"m_c": [1.0]}, r"m_c cannot start at \[1.0\]"),
     ],
 )
 def test_a_start_value_that_does_not_fit_is_refused(starts: dict[str, float | str], why: str) -> None:

@@ -4,6 +4,7 @@ import csv
 import io
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -11,13 +12,14 @@ import numpy as np
 import pytest
 import sympy
 from lxml import etree
+from sympy.codegen.cfunctions import exp2, fma
 
 import plants
 from plants import numeric
 from plants.factory.experiment import FOLDER, TOLERANCE, reference_experiment
 from plants.factory.generate import generate
 from plants.factory.table import tabulate
-from plants.ode import Input, Limit, OdeModel, State
+from plants.ode import TIME, Input, Limit, OdeModel, Output, State
 
 from .fmus import MODELS, Fmu
 
@@ -177,3 +179,37 @@ def test_without_a_first_step_there_is_none(derivative: sympy.Expr, tmp_path: Pa
     assert b"Reference experiment" not in files["documentation/index.html"]
     with zipfile.ZipFile(plants.build(growing(derivative), out=tmp_path)) as fmu:
         assert not any(name.startswith("extra/") for name in fmu.namelist())
+
+
+def carries(model: OdeModel) -> bool:
+    return any(path.endswith("results.csv") for path in generate(model, "2.0"))
+
+
+def test_functions_that_python_lacks_have_none() -> None:
+    assert not carries(growing(-fma(x, x, x)))
+    assert carries(growing(-exp2(x)))
+    assert carries(growing(-sympy.erf(x)))
+
+
+def test_the_largest_of_three_has_one() -> None:
+    assert carries(growing(-sympy.Max(x, -1, -2 * x)))
+
+
+@pytest.mark.parametrize(
+    ("derivative", "output", "last"),
+    [
+        (sympy.Piecewise((1, sympy.Mod(TIME, 0.2) < 0.1), (0, True)), x, 0.08),  # a step at 0.1 s
+        (-x, sympy.floor(TIME / 0.14), 0.12),
+        (sympy.Heaviside(TIME - 0.29), x, 0.28),  # in the middle of the step to 0.3 s
+        (sympy.Heaviside(TIME - 0.153), x, 5.0),  # at no stage of a step
+        (-sympy.sign(x), x, 5.0),  # rests at the step
+        (1.0 + 0 * x, (x + 0.1) ** 2 - x**2 - x / 5 - 0.01, 5.0),  # last bits are all there is
+        (sympy.Heaviside(x - 1.0) + 1, x, 0.98),  # moved, the state reaches 1 at another step
+    ],
+)
+def test_it_ends_before_a_result_depends_on_the_last_bit(
+    derivative: sympy.Expr, output: sympy.Expr, last: float
+) -> None:
+    model = replace(growing(derivative, start=0.0), outputs=(Output(sympy.Symbol("y", real=True), output, "1", ""),))
+    found = reference_experiment(model, tabulate(model))
+    assert last - 0.1 <= found.stop <= last

@@ -177,6 +177,21 @@ def test_derivatives_at_kinks_are_those_beside_them(load: Callable) -> None:
                 assert slope == pytest.approx(wanted[at], rel=1e-12), f"{expression} at {at}"
 
 
+def test_the_inverse_of_a_cube_root_is_real_too(load: Callable) -> None:
+    model = model_of(1 / sympy.cbrt(x), u / sympy.cbrt(x))
+    fmu, functions = load(model), numeric.compile(model)
+    for at, value in ((-8.0, -0.5), (8.0, 0.5)):
+        instance = Instance(fmu.library, "co_simulation")
+        instance.set({fmu["x"]: at, fmu["u"]: 0.5})
+        instance.initialize()
+        given = 0.0, functions.start(x=at), functions.inputs(u=0.5), functions.parameters()
+        assert instance.get(fmu["y0"], fmu["y1"]) == [value, 0.5 * value] == functions.outputs(*given).tolist()
+        slopes = instance.differentiate([fmu["y0"], fmu["y1"]], [fmu["x"]], [1.0])
+        assert slopes == pytest.approx([-1 / 48, -1 / 96], rel=1e-14)
+        assert slopes == functions.jacobians(*given).C[:, 0].tolist()
+        instance.free()
+
+
 def test_functions_whose_names_would_coincide_are_told_apart(load: Callable) -> None:
     """tanh(x + 1) and tanh(x - 1), each used twice, are not the same intermediate result."""
     more, less = sympy.tanh(x + 1), sympy.tanh(x - 1)
@@ -339,6 +354,11 @@ def test_what_c_has_not_is_refused(expression: sympy.Expr) -> None:
         "TIME",
         "true",
         "isinf",
+        "EOF",
+        "errno",
+        "SIZE_MAX",
+        "UINT_FAST8_MAX",
+        "LONG_MIN",
     ],
 )
 def test_names_that_c_headers_define_are_refused(name: str) -> None:
@@ -350,6 +370,19 @@ def test_an_enumeration_whose_items_make_a_reserved_name() -> None:
     drive = Enumeration(sympy.Symbol("M"), {"PI": ""}, "")
     with pytest.raises(ModelError, match="'M_PI' is reserved"):
         model_of(parameters=(Parameter(k, "1", ""), n, drive))
+
+
+@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t")])
+def test_an_enumeration_whose_items_make_a_name_of_the_runtime(enumeration: str, item: str) -> None:
+    made = Enumeration(sympy.Symbol(enumeration), {item: ""}, "")
+    with pytest.raises(ModelError, match=f"the generated C code uses the name '{enumeration}_{item}' for something"):
+        generate(model_of(parameters=(Parameter(k, "1", ""), n, made)), "3.0")
+
+
+@pytest.mark.parametrize(("name", "fmi"), [("INTERFACES", "2.0"), ("VARIABLES_H", "3.0"), ("fmi2True", "2.0")])
+def test_macros_of_the_runtime_are_refused(name: str, fmi: str) -> None:
+    with pytest.raises(ModelError, match=f"the generated C code uses the name '{name}' for something else"):
+        generate(model_of(inputs=(Input(u, "1", ""), Input(sympy.Symbol(name), "1", ""))), fmi)
 
 
 def test_a_variant_that_is_not_there() -> None:

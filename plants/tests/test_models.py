@@ -1,6 +1,8 @@
 """Models: the general ordinary differential equation, its NumPy functions, and wrong models by name."""
 
 import math
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -81,6 +83,19 @@ def test_numpy_functions() -> None:
         ),
         ({"outputs": (Output(s, k, "m", ""),)}, "the name 's' is used twice"),
         (
+            {"outputs": (Output(sympy.Symbol("y"), s, "m", "", nominal=-1),)},
+            "output 'y': the nominal value must be positive, not -1",
+        ),
+        (
+            {"outputs": (Output(sympy.Symbol("y"), s, "m", "", nominal=math.nan),)},
+            "output 'y': the nominal value must be positive, not nan",
+        ),
+        (
+            {"description": "a\x0bb"},
+            "model 'spring_mass': description has the character '\\x0b', which no XML file can have",
+        ),
+        ({"description": None}, "model 'spring_mass': description is None, it must be a text"),
+        (
             {"terms": (Term(sympy.Symbol("pull"), sympy.Symbol("later")),)},
             "term 'pull' uses the undefined symbol 'later'",
         ),
@@ -90,6 +105,44 @@ def test_wrong_models_are_refused_by_name(changes: dict[str, Any], message: str)
     with pytest.raises(plants.PlantError) as error:
         spring(**changes)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        (lambda: State("x", "m", ""), "state: its symbol is 'x', it must be a Symbol of SymPy"),  # type: ignore[arg-type]
+        (lambda: State(sympy.MatrixSymbol("X", 2, 1)[0], "m", ""), "state: its symbol is X[0, 0], it must be a Symbol"),
+        (lambda: State(s, None, ""), "state 's': unit is None, it must be a text"),  # type: ignore[arg-type]
+        (lambda: State(s, "m", "\udc80"), "state 's': description has the character '\\udc80', which no XML file can"),
+        (lambda: Term(s, k, equation="\x00"), "term 's': equation has the character '\\x00'"),
+        (lambda: Enumeration(k, {"one": "\x1b"}, ""), "enumeration 'k': item 'one' has the character '\\x1b'"),
+    ],
+)
+def test_wrong_statements_are_refused_by_name(state: Callable[[], object], message: str) -> None:
+    with pytest.raises(ModelError) as error:
+        state()
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("assumptions", "start", "told"),
+    [
+        ({"positive": True}, -1.0, "is positive"),
+        ({"positive": True}, 0.0, "is positive"),
+        ({"positive": False, "real": True}, 2.0, "is not positive"),
+        ({"nonnegative": True}, -1.0, "is not negative"),
+        ({"negative": True}, 1.0, "is not positive"),
+        ({"nonnegative": True}, 0.0, ""),
+        ({"real": True}, -1.0, ""),
+    ],
+)
+def test_a_default_cannot_contradict_the_assumptions_of_its_symbol(
+    assumptions: dict[str, bool], start: float, told: str
+) -> None:
+    """SymPy takes |x| for x where x is positive."""
+    x = sympy.Symbol("x", **assumptions)
+    with pytest.raises(ModelError, match=f"contradicts .*, which {told}") if told else nullcontext():
+        OdeModel("assumed", "", (State(x, "m", "", start=start),), (-abs(x),))
 
 
 def test_enumeration_needs_every_variant() -> None:
@@ -128,6 +181,24 @@ def test_abbreviations_of_a_nonholonomic_system() -> None:
     assert stated.expand(stated.derivatives[2]) == (sympy.Symbol("tau", real=True) - stated.inputs[1].symbol) / (2 * m)
 
 
+def test_a_matrix_may_be_of_any_kind() -> None:
+    stated = pendulum_on_wheels()
+    for S in ([[1], [0]], sympy.ImmutableMatrix([1, 0])):
+        assert replace(stated, S=S).ode() == stated.ode()
+
+
+def test_a_parameter_in_another_unit_is_converted_in_a_term() -> None:
+    m, load = sympy.symbols("m load", real=True)
+    stated = replace(
+        pendulum_on_wheels(),
+        parameters=(Parameter(m, "g", "", start=1.0),),
+        terms=(Term(load, m / 1000, "kg"),),
+        M1=load * sympy.eye(2),
+    ).ode()
+    expected = 1000 * (sympy.Symbol("tau", real=True) - stated.inputs[1].symbol) / m
+    assert sympy.simplify(stated.expand(stated.derivatives[2]) - expected) == 0
+
+
 def test_terminals_of_a_nonholonomic_system() -> None:
     terminals = {t.name: [s.name for s in t.symbols] for t in pendulum_on_wheels().ode().terminals}
     assert terminals == {"pose": ["x", "y"], "velocity": ["v"], "torque": ["tau"], "disturbance": ["d_x", "d_y"]}
@@ -153,6 +224,26 @@ def test_nonholonomic_with_one_velocity() -> None:
         (
             {"terms": (Term(c, sympy.Symbol("y", real=True), "kg"),), "M1": c * sympy.eye(2)},
             "S or M1 uses the term c, which is not constant",
+        ),
+        (
+            {"terms": (Term(c, sympy.exp(TIME), "kg"),), "M1": c * sympy.eye(2)},
+            "S or M1 uses the term c, which is not constant",
+        ),
+        (
+            {"S": sympy.Matrix([sympy.exp(TIME), 0])},
+            "S or M1 uses time: they may depend on coordinates, parameters and",
+        ),
+        ({"M1": (1 + sympy.Symbol("v", real=True) ** 2) * sympy.eye(2)}, "S or M1 uses v: they may depend"),
+        ({"M1": sympy.Symbol("tau", real=True) * sympy.eye(2)}, "S or M1 uses tau: they may depend"),
+        ({"S": "1, 0"}, "S is '1, 0', it must be a matrix of SymPy"),
+        ({"M1": None}, "M1 is None, it must be a matrix of SymPy"),
+        (
+            {"parameters": (Parameter(sympy.Symbol("m", real=True), "g", "", start=1.0),)},
+            "m is in g, but the derivation computes in SI units: state it in kg or convert it in a term",
+        ),
+        (
+            {"velocities": (State(sympy.Symbol("v", real=True), "km/h", ""),)},
+            "v is in km/h, but the derivation computes in SI units: state it in m/s",
         ),
     ],
 )

@@ -1,11 +1,15 @@
 """The NumPy functions of a model: batches of any shape, and exact Jacobians."""
 
+import math
+
 import numpy as np
 import pytest
 import sympy
+from sympy.codegen.cfunctions import exp2, fma
 
 import plants
 from plants import ModelError, numeric
+from plants.factory.experiment import _Equations
 from plants.numeric import NumericModel
 from plants.ode import Input, OdeModel, Output, Parameter, State, Term
 
@@ -145,3 +149,91 @@ def test_a_sweep_is_one_call() -> None:
     p = functions.parameters(m_c=np.linspace(10, 100, 1000))
     acceleration = functions.rhs(0.0, functions.start(), functions.inputs(tau_drive=10.0), p)[:, 4]
     assert np.all(np.diff(acceleration) < 0)
+
+
+a, s = sympy.symbols("a s", real=True)
+A, S = 0.75, 0.5
+"""Values of `a` and `s`, the parameter and the state of the models below."""
+
+
+def of_one_state(derivative: sympy.Expr, terms: tuple[Term, ...] = (), state: sympy.Symbol = s) -> OdeModel:
+    symbols = derivative.free_symbols.union(*(term.expression.free_symbols for term in terms))
+    own = symbols - {state} - {term.symbol for term in terms}
+    parameters = tuple(Parameter(symbol, "1", "", start=A) for symbol in sorted(own, key=str))
+    return OdeModel("named", "", (State(state, "1", "", start=S),), (derivative,), (), parameters, terms=terms)
+
+
+def rates(model: OdeModel) -> list[float]:
+    """Return der(x) at the start, for NumPy's numbers, for a batch of them, and for Python's as an experiment has."""
+    f = numeric.compile(model)
+    state, p = f.start(), f.parameters()
+    batch = f.rhs(0.0, np.stack([state, state]), f.inputs(), p)[:, 0]
+    return [*f.rhs(0.0, state, f.inputs(), p), *batch, *_Equations(model).derivatives([], 0.0, list(state))]
+
+
+def real(name: str) -> sympy.Symbol:
+    return sympy.Symbol(name, real=True)
+
+
+@pytest.mark.parametrize(
+    ("derivative", "terms", "expected"),
+    [
+        (real("pi") * s / sympy.pi, (), A * S / math.pi),
+        (real("e") * s * sympy.E, (Term(real("e"), 2 * a),), 2 * A * S * math.e),
+        (real("lambda") - real("lambda_"), (Term(real("lambda"), 2 * s),), 2 * S - A),
+        (abs(s) * real("abs"), (), A * S),
+        (sympy.sign(-s) * real("sign"), (), -A),
+        (sympy.Mod(-s, real("mod")), (), A - S),
+        (sympy.Max(-s, real("larger")), (), A),
+        (sympy.sin(s) * real("near_sin"), (), A * math.sin(S)),
+        (sympy.Piecewise((real("less"), s < real("select")), (-s, True)), (), A),
+        (s * real("array") * real("function") * real("print"), (), S * A**3),
+    ],
+)
+def test_no_symbol_is_taken_for_a_function_or_constant(
+    derivative: sympy.Expr, terms: tuple[Term, ...], expected: float
+) -> None:
+    assert rates(of_one_state(derivative, terms)) == pytest.approx([expected] * 4, rel=1e-15)
+
+
+def test_a_state_may_have_the_name_of_a_function() -> None:
+    state = real("abs")
+    assert rates(of_one_state(-abs(state), state=state)) == [-S] * 4
+
+
+def test_numbers_keep_all_of_their_digits() -> None:
+    assert rates(of_one_state(math.pi + 0 * s)) == [math.pi] * 4
+    assert rates(of_one_state(s * (1 / 3))) == [S * (1 / 3)] * 4
+    assert rates(of_one_state(sympy.pi * s)) == [math.pi * S] * 4
+    turned = sympy.Mod(s - S + math.pi + math.pi, 2 * math.pi) - math.pi
+    assert rates(of_one_state(turned)) == [-math.pi] * 4
+
+
+@pytest.mark.parametrize(
+    ("derivative", "expected"),
+    [
+        (sympy.Max(s, -1, -2 * s), S),
+        (sympy.Min(s, a, sympy.Max(-s, -a, 0)), 0.0),
+        (sympy.Max(s, sympy.Min(a, sympy.Max(1, a, 2 * s))), A),
+    ],
+)
+def test_the_largest_of_many_is_that_of_pairs(derivative: sympy.Expr, expected: float) -> None:
+    assert rates(of_one_state(derivative)) == [expected] * 4
+
+
+def test_the_largest_number_is_one_where_another_is_none() -> None:
+    f = numeric.compile(of_one_state(sympy.Max(s, sympy.log(-s)) + sympy.Min(-3, sympy.log(-s), s)))
+    assert f.rhs(0.0, f.start(), f.inputs(), f.parameters()) == [S - 3]  # fmax and fmin of C
+
+
+@pytest.mark.parametrize(
+    ("derivative", "expected"),
+    [(sympy.erf(s), math.erf(S)), (sympy.erfc(a * s), math.erfc(A * S)), (exp2(s), math.sqrt(2))],
+)
+def test_functions_that_numpy_lacks_take_arrays_too(derivative: sympy.Expr, expected: float) -> None:
+    assert rates(of_one_state(derivative)) == pytest.approx([expected] * 4, rel=1e-15)
+
+
+def test_a_function_that_python_lacks_is_refused() -> None:
+    with pytest.raises(ModelError, match=r"model 'named': fma\(s, s, a\) cannot be computed in Python: it has no fma"):
+        numeric.compile(of_one_state(fma(s, s, a)))
