@@ -72,6 +72,28 @@ def test_a_law_that_was_edited_makes_its_runs_anew(install: Install, study: Stud
     assert (again.made, again.rows) == (0, first.rows)
 
 
+def test_a_law_that_a_value_names_makes_its_runs_anew_if_it_was_edited(tmp_path: Path, install: Install) -> None:
+    """Though it stands in another module than the law of the scenario."""
+    about = next((tmp_path / "site").glob("*.dist-info")) / "entry_points.txt"
+    about.write_text("[formation.controllers]\nmine = my_law:MyLaw\nother = my_other:MyLaw\n")
+    elsewhere = tmp_path / "site" / "my_other.py"
+    vary = '<vary name="law" select="controller/@name"><list values="mine, other"/></vary>'
+    path = write_study(tmp_path, vary, '<sample method="grid"/>')
+    base = tmp_path / "base.xml"
+    law = '<controller id="pid" name="mine" package="my-law" version="==1.0"/>'
+    base.write_text(re.sub("(?s)<controller.*?</controller>", law, base.read_text("utf-8")), "utf-8")
+    made = []
+    for text in (OTHER, OTHER.replace("5.0", "9.0")):
+        elsewhere.write_text(text)
+        install(LAW)
+        sys.modules.pop("my_other", None)
+        made.append(conduct(read_study(path), tmp_path, workers=0))
+    sys.modules.pop("my_other", None)
+    assert [outcome.made for outcome in made] == [2, 1]
+    assert made[0].rows[0] == made[1].rows[0]
+    assert made[0].rows[1].measures != made[1].rows[1].measures
+
+
 @pytest.mark.parametrize("package", ["cosim", "plants", "formation_controllers"])
 def test_an_edit_of_formation_makes_all_runs_anew(
     install: Install, study: Study, package: str, monkeypatch: pytest.MonkeyPatch

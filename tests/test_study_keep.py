@@ -87,6 +87,10 @@ def test_the_worst_and_the_median_are_those_of_a_measure_or_of_the_margins(tmp_p
     by_figure = sorted(outcome.rows, key=lambda row: -row.measures[0])
     assert kept('<keep runs="worst" of="last"/>') == [by_figure[0].number]
     assert kept('<keep runs="median" of="last"/>') == [by_figure[3].number]
+    least = LAST.replace("final", "least")
+    by_least = sorted(outcome.rows, key=lambda row: row.measures[0])
+    asked = small_study(tmp_path, rest=least + '<keep runs="median" of="last"/>')
+    assert [row.number for row in kept_rows(replace(outcome, study=asked))] == [by_least[2].number]
     assert kept('<keep runs="worst"/>') == [min(outcome.rows, key=lambda row: row.least).number]
     assert kept('<keep runs="all"/>') == [1, 2, 3, 4, 5, 6]
     assert kept('<keep runs="2 to 3"/><keep runs="5"/>') == [2, 3, 5]

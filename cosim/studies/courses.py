@@ -121,9 +121,9 @@ class Envelope(Kind):
         zero, one = (units.convert(value, subject.unit(result), self.unit) for value in (0.0, 1.0))
         found = {}
         for robot, (time, values) in subject.courses(self, result).items():
-            places = np.searchsorted(time, self.times - ROUNDING)
-            there = places < len(time)
-            found[robot] = np.where(there, zero + (one - zero) * values[np.where(there, places, 0)], np.nan)
+            places = np.minimum(np.searchsorted(time, self.times - ROUNDING), len(time) - 1)
+            there = np.abs(time[places] - self.times) <= ROUNDING
+            found[robot] = np.where(there, zero + (one - zero) * values[places], np.nan)
         return found
 
     def read(self, text: str) -> Course:

@@ -86,7 +86,7 @@ def _rows(outcome: StudyOutcome, keep: Keep) -> Iterator[Row]:
     if "worst" in keep.words and ranked:
         yield ranked[0]
     if "median" in keep.words and ranked:
-        yield ranked[len(ranked) // 2]
+        yield ranked[_middle(outcome, keep.of, len(ranked))]
     for first, last in keep.ranges:
         yield from (row for row in outcome.rows if first <= row.number <= last)
 
@@ -98,6 +98,12 @@ def _ranked(outcome: StudyOutcome, of: int | None) -> list[Row]:
     sign = -1.0 if outcome.study.measures[of].greatest_is_worst else 1.0
     ended = [row for row in outcome.shown if row.status != BROKEN]
     return sorted(ended, key=lambda row: (sign * row.measures[of], row.number))
+
+
+def _middle(outcome: StudyOutcome, of: int | None, runs: int) -> int:
+    """Return the place of the median among ranked runs: of an even number, the lower of the two, as tables have it."""
+    falling = of is not None and outcome.study.measures[of].greatest_is_worst
+    return runs // 2 if falling else (runs - 1) // 2
 
 
 def _of(place: Path, row: Row) -> Path:

@@ -19,12 +19,13 @@ from cosim.scenario.grammar import local_name
 from cosim.scenario.scenario import Expectation, Scenario
 from cosim.studies.compared_cases import COMPARED
 from cosim.studies.elsewhere import LIBRARIES
+from cosim.studies.measuring import made_by_runs
 from cosim.studies.plan import Run
 from cosim.studies.study import Measured, Study
 
 _FOR_PEOPLE = ("title", "description")
-_OF_MANY_PARTS = ("compare", "controller")
-"""Elements that name a scenario or an environment: one file does not tell what lies behind."""
+_OF_MANY_PARTS = ("compare", "controller", "plant")
+"""Elements that name a scenario, a law with its environment, or a binding: one file does not tell what lies behind."""
 
 
 def key_of_scenario(scenario: Scenario, setup: Setup) -> str:
@@ -45,8 +46,13 @@ def key_with_envelopes(scenario: str, envelopes: Sequence[Expectation]) -> str:
 
 
 def key_of_measures(scenario: str, measures: Iterable[Measured]) -> str:
-    """Return the checksum of a scenario with what is measured, over several followers, other than of the worst one."""
-    others = [f"{measured.name} {measured.over}" for measured in measures if measured.over not in ("worst", "")]
+    """Return the checksum of a scenario with what is measured, over several followers, other than of the worst one.
+
+    A row has its figures in the order of the measures, and the scenario does not tell measures apart that differ in
+    nothing else.
+    """
+    places = enumerate(made_by_runs(measures))
+    others = [f"{place} {measured.over}" for place, measured in places if measured.over != "worst"]
     return _digest([scenario, *others]) if others else scenario
 
 
@@ -96,7 +102,7 @@ class RunKeys:
             tag = self._study.naming.get(select)
             if tag in _OF_MANY_PARTS:
                 edits.append(change)
-            elif tag is not None:
+            if tag not in (None, "compare", "controller"):
                 yield f"file {self._content(self._study.bases[run.cases].folder / value)}"
         if edits:
             yield f"edited {self._of_edited(run.cases, tuple(edits))}"

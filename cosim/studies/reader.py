@@ -36,6 +36,8 @@ from cosim.studies.values import Count, Finite, Values, number_of, values_of
 MOST_CASES = 1000
 """Upper limit for combinations of cases: each is a scenario of its own."""
 _REQUIREMENTS = ("probability", "quantile", "mean", "worst", "better")
+_OF_LAWS = (("controller", "package"), ("controller", "name"))
+"""Attributes that say which law it is, by their elements."""
 _OF_THE_TABLE = re.compile(
     r"run|draw|run_key|status|passed|message|margin_\d+|(sensitivity|envelope)_\w+|measured|(with_)?varied|crossed"
 )
@@ -287,7 +289,7 @@ def _select(root: etree._Element, vary: Sequence[Vary], found: dict[str, str], n
             except ValueError as error:
                 raise InputError(str(error), target.where) from None
             name = getattr(nodes[0], "attrname", "")
-            if attributes_of(element.tag).get(name) == "path" or (element.tag, name) == ("controller", "package"):
+            if attributes_of(element.tag).get(name) == "path" or (element.tag, name) in _OF_LAWS:
                 naming[target.select] = element.tag
             entries = taken.setdefault((element, name), {})
             other = next((entries[at] for at in entries if at == target.entry or not at or not target.entry), None)

@@ -242,6 +242,8 @@ def _of_measure(
         details += [f"{_runs(broken)} broken"] * bool(broken) + [f"{_runs(without)} without a figure"] * bool(without)
         if confidence and math.isinf(figure) and not broken and not without:
             details[-1] += ": too few for this confidence"
+        if confidence and what == "mean" and len(set(map(_mean_of, values))) == 1 < len(values):
+            details[-1] += ", all with the same figure: nothing is known of rarer ones"
         return _verdict(written, text, figure, bound, measured.unit, margin > 0, ", ".join(details), margin)
 
     return Judged(text, judge)

@@ -19,7 +19,7 @@ from cosim.errors import shown
 from cosim.quantity import quantity, spelled, split
 from cosim.scenario.written_element import Written
 from cosim.studies.sizes import MOST_RUNS, too_many
-from plants import UnitError
+from plants import UnitError, units
 
 NEXT_TO_0, NEXT_TO_1 = 2.0**-54, 1.0 - 2.0**-53
 """The ends of what a random value is drawn by: its quantiles there are finite."""
@@ -102,6 +102,16 @@ def _same(one: str, other: str) -> bool:
         return False
 
 
+def _meant(text: str) -> object:
+    """Return a quantity as a number in SI units with its dimension; any other text as it is."""
+    try:
+        number, unit = split(text)
+        parsed = units.parse(unit)
+        return float(f"{number * parsed.factor:.10g}"), parsed.exponents
+    except (ValueError, UnitError):
+        return text
+
+
 # Reading -----------------------------------------------------------------------------------------------------
 
 
@@ -120,8 +130,12 @@ def _list(element: Written) -> Finite:
     texts = [text.strip() for text in element.get("values").split(",")]
     if "" in texts:
         raise element.error(f'values="{shown(element.get("values"))}" of <list> has an empty value')
-    twice = next((text for text, times in Counter(texts).items() if times > 1), None)
-    if twice is not None:
+    found: dict[object, str] = {}
+    for text in texts:
+        if (before := found.setdefault(_meant(text), text)) != text:
+            raise element.error(f"{shown(before)!r} and {shown(text)!r} are the same value")
+    if len(found) < len(texts):
+        twice = next(text for text, times in Counter(texts).items() if times > 1)
         raise element.error(f"the value {shown(twice)!r} is given twice")
     return Finite(texts)
 

@@ -94,6 +94,18 @@ def test_sums_and_differences_have_the_values_that_are_known(tmp_path: Path) -> 
     assert (worst.greatest_is_worst, worst.unit) == (True, "")
 
 
+def test_measures_that_differ_in_what_is_taken_of_the_followers_alone_may_change_places(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    one, other = LAST, LAST.replace("last", "mean").replace("<measure", '<measure over="mean"')
+    assert '"mean"' in other
+    first, second = (
+        conduct(small_study(tmp_path, rest=text), tmp_path / "out", workers=0, runs=1).rows[0].measures
+        for text in (one + other, other + one)
+    )
+    assert first == second[::-1]
+    assert first[0] > first[1]
+
+
 def test_what_is_measured_otherwise_over_the_followers_is_measured_anew(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     worst, mean = (

@@ -201,6 +201,18 @@ def test_runs_of_cases_have_their_own_instants_in_the_table(tmp_path: Path) -> N
     assert there.tolist() == [[1, 0, 0, 1, 1], [1, 1, 1, 0, 0]] * 2
 
 
+def test_a_run_of_another_step_has_its_own_instants_alone(tmp_path: Path) -> None:
+    vary = '<vary name="step" select="simulation/@step"><list values="20 ms, 40 ms"/></vary>'
+    text = '<envelope signal="range_error" unit="mm"/>'
+    study = small_study(tmp_path, vary, '<sample method="grid"/>', LAST + text)
+    (bundle,) = conduct(study, tmp_path, workers=0).bundles
+    fine, coarse = bundle.values[:, 0, :, 0]
+    assert np.isfinite(fine).all()
+    assert np.isfinite(coarse).tolist() == [True, False] * 5 + [True]
+    result = cosim.run(tmp_path / "base.xml", ["simulation/@step=40 ms"])["range_error"][:, 0]
+    assert coarse[::2] == pytest.approx(1000.0 * result.values, rel=1e-6)
+
+
 def test_two_cases_are_compared_draw_by_draw(tmp_path: Path) -> None:
     text = ERRORS.replace("/>", ' vary="law" case="soft" than="stiff"/>')
     size = '<sample method="random" runs="3"/>'

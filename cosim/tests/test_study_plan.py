@@ -163,6 +163,8 @@ def test_measures_are_expectations_of_the_scenario_that_do_not_count(tmp_path: P
 BAD_VALUES = {
     "values=": ('<list values="1 m,,2 m"/>', "empty value"),
     "twice": ('<list values="1 m, 1 m"/>', "'1 m' is given twice"),
+    "twice in other words": ('<list values="1 m, 2 m, 100 cm"/>', "'1 m' and '100 cm' are the same value"),
+    "a seed twice": ('<list values="1, 01"/>', "'1' and '01' are the same value"),
     "ends": ('<uniform from="2 m" to="1 m"/>', "is greater than to="),
     "units": ('<uniform from="2 m" to="3 kg"/>', "does not fit"),
     "logarithm": ('<log_uniform from="0 m" to="1 m"/>', "no logarithm"),
