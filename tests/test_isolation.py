@@ -156,6 +156,18 @@ def test_a_status_that_is_no_success(run: Run, reference: xr.Dataset, behaviour:
     assert recorded(result, reference, BEFORE)
 
 
+@pytest.mark.parametrize("fmi", FMI)
+def test_a_status_below_zero_in_cvode_and_before_the_first_step(make: Make, tmp_path: Path, fmi: str) -> None:
+    exchanged = make(behaviour="minus", fmi=fmi, interface="model_exchange")
+    path = scenario(tmp_path / "s.xml", f'<plant id="car" fmu="{exchanged}" solver="cvode"/>')
+    with pytest.raises(cosim.SimulationError, match=r"the plant bad\.fmu did not .* \(status -1\)"):
+        cosim.run(path)
+    early = make(behaviour="minus", fmi=fmi, place="initialization")
+    path = scenario(tmp_path / "i.xml", f'<plant id="car" fmu="{early}"/>')
+    with pytest.raises(InputError, match="initialization returns minus at t = 0 s, as it was made to"):
+        cosim.run(path)
+
+
 @pytest.mark.parametrize(("mode", "fmi"), EACH)
 def test_an_fmu_that_asks_to_end(run: Run, reference: xr.Dataset, fmi: str, mode: str) -> None:
     status, printed, result = run(mode, behaviour="terminate", fmi=fmi)

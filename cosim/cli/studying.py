@@ -77,7 +77,9 @@ def _conducted(options: argparse.Namespace, told: Outcome) -> StudyOutcome:
     told.name = read.name
     where = options.out / read.name
     folder = writable_folder(where, "--out").absolute()
-    with Store(folder, read.name) as store:  # open until all files are written: no other study sets some aside
+    with _going_on(where / FILE):
+        store = Store(folder, read.name)
+    with store:  # open until all files are written: no other study sets some aside
         return _with_files(read, where, folder, store, options)
 
 

@@ -33,10 +33,13 @@ class LeaderView:
     @property
     def alike(self) -> bool:
         """Whether a follower reads the leader's pose by its own geometry as the leader itself would."""
-        if self.vehicle.kind != self.leader.kind:
+        own, its = self.vehicle, self.leader
+        if (own.kind, own.pose, own.velocity) != (its.kind, its.pose, its.velocity):
             return False
         on_path = self.kind.on_path
-        return on_path is None or on_path.steering_length(self.vehicle) == on_path.steering_length(self.leader)
+        if on_path is None:
+            return self.kind.name == self.leader_kind.name
+        return on_path.steering_length(own) == on_path.steering_length(its)
 
     @property
     def on_paths(self) -> tuple[OnPath, OnPath]:

@@ -146,7 +146,7 @@ class SupervisedRun(Closing):
             limits = [robot.source.time_limit for robot in driven_robots(self.setup)]
             self._limits = [SUPERVISED_TIME_LIMIT if limit is None else limit for limit in limits]
             self._activity = activity()
-            self._seen, self._since = (-1, 0.0), time.monotonic()
+            self._seen, self._since = (-1, 0, 0.0), time.monotonic()
             cleanup.callback(self._kill)
             with timed(self.timing, "load"):
                 self._fork(partial(child, scenario, self.setup, memory, self._activity, gate, start, checkpoints))
@@ -362,7 +362,8 @@ class SupervisedRun(Closing):
     def _watch(self) -> None:
         """End the process if a call of an FMU takes longer than its time limit."""
         current = int(self._activity.current[0])
-        seen, now = (current, float(self._activity.clock[0])), time.monotonic()
+        seen = current, int(self._activity.doing[0]), float(self._activity.clock[0])
+        now = time.monotonic()
         if seen != self._seen or current < 0:
             self._seen, self._since = seen, now
         elif current < len(self._limits) and now - self._since > self._limits[current]:

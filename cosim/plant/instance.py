@@ -51,6 +51,11 @@ _SETTERS = {
 T = TypeVar("T")
 
 
+def _unsigned(status: int, *_: object) -> int:
+    """Return a status without a sign: FMPy takes one below zero for a success."""
+    return status & 0xFFFFFFFF
+
+
 class _NotReset(Exception):
     """An instance cannot be put at the start of another run."""
 
@@ -345,6 +350,9 @@ class Instance:
         except Exception as error:
             reason = str(error.__context__ or error)  # FMPy puts a sentence of its own before the system's
             raise PlantError(f"its binary cannot be loaded: {why_not_loaded(reason, spec.directory)}") from None
+        for function in self._fmu._functions.values():
+            if function.restype == ctypes.c_int:
+                function.errcheck = _unsigned
         callbacks: dict[str, object]
         if self._version == 1:
             callbacks = {"functions": self.log.callbacks_1}
@@ -402,8 +410,8 @@ class Instance:
         function = self._fmu.dll[f"{self.spec.identifier}_fmiInitializeSlave"]
         function.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_char, ctypes.c_double)
         status = function(self.component, 0.0, fmi1.fmi1True, stop)
-        if status > WARNING:
-            raise FMICallException("fmiInitializeSlave", status)
+        if not 0 <= status <= WARNING:
+            raise FMICallException("fmiInitializeSlave", _unsigned(status))
 
     def _update(self) -> None:
         """Iterate over the discrete states in Event Mode until they do not change any more."""

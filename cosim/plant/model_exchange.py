@@ -6,6 +6,8 @@ event indicator, is handled at the end of the solver step in which it happens: t
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,8 +35,8 @@ _EULER, _RUNGE_KUTTA_4 = 0, 1
 _MAX_ITERATIONS = 100
 _MAX_PARTS = 100_000
 """Upper limit for the parts into which time events cut a step of the solver."""
-_SMALLEST_PART = 1e-9
-"""Part of a solver step; a time event nearer than this counts as reached."""
+_SMALLEST_PART, _ROUNDING = 1e-9, 8 * sys.float_info.epsilon
+"""Part of a solver step, and of the time; a time event nearer than one of them counts as reached."""
 
 _STAGE_TIME = (0.0, 0.5, 0.5, 1.0)
 _STAGE_WEIGHT = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
@@ -78,7 +80,7 @@ def integrate(
         parts = 0
         while now < end:
             parts += 1
-            until, close = end, _SMALLEST_PART * solver_step
+            until, close = end, max(_SMALLEST_PART * solver_step, _ROUNDING * end)
             if row["next_event"] < end - close:
                 until = max(row["next_event"], now)
             elif row["next_event"] < end + close:  # rounding may have put the end before it

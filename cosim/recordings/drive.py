@@ -100,6 +100,7 @@ def recorded_drive(path: Path, scenario: Scenario, setup: Setup, mapping: Mappin
     found = list(_moved(found, mapping.robots))
     ticks = scenario.clock.times
     values = {number: _sampled(path, number, one, ticks, start, mapping, setup) for number, one in found}
+    values |= _beside_true(values)
     _refuse_outside(path, found, values, start)
     variables = dict(_variables(setup, values, scenario.ticks + 1))
     if (leader := mapping.robots.get(LEADER)) and leader.from_scenario:
@@ -202,6 +203,20 @@ def _sampled(
     there = found.values[~np.isnan(found.values)]
     turns = np.round((there[0] - entry) / _TURN) if len(there) else 0.0
     return replace(found, values=found.values - _TURN * turns) if turns else found
+
+
+def _beside_true(values: Table[Number, Sampled]) -> Iterator[tuple[Number, Sampled]]:
+    """Yield measured angles with the whole turns of the true ones, where there are some at a common tick."""
+    true = {
+        (number.row, number.component): one.values for number, one in values.items() if number.signal in DERIVED_FROM
+    }
+    for number, one in values.items():
+        if not number.signal.startswith("measured_") or number.unit != "rad":
+            continue
+        off = one.values - true.get((number.row, number.component), np.nan)
+        common = off[np.isfinite(off)]
+        if len(common) and (turns := np.round(common[0] / _TURN)):
+            yield number, replace(one, values=one.values - _TURN * turns)
 
 
 def _pose_entry(setup: Setup, number: Number) -> float | None:

@@ -53,11 +53,13 @@ def _together(reasons: Sequence[str]) -> str:
 
 def _concerned(kind: Kind, setup: Setup, result: Result) -> list[str]:
     """Return the robots on whom there is a verdict."""
-    names = [own.signal for own in list(_subjects(kind))[:1]] or kind.signals(setup.signals)
+    subjects = _subjects(kind)
+    names = [subjects[0].signal] if subjects else kind.signals(setup.signals)
     owners = [setup.signals[name].robots for name in names]
     if all(robots == (LEADER,) for robots in owners):
         return [LEADER]
-    return [robot for robot in kind.followers(result) if any(robot in robots for robots in owners)]
+    having = [robot for robot in kind.followers(result) if any(robot in robots for robots in owners)]
+    return [robot for robot in having if not any(one.is_own(subjects[0], robot) for one in subjects[1:])]
 
 
 def _lacking(kind: Kind, setup: Setup, result: Result, robot: str) -> str:
@@ -72,7 +74,7 @@ def _lacking(kind: Kind, setup: Setup, result: Result, robot: str) -> str:
 
 def _needed(kind: Kind, setup: Setup, robot: str) -> dict[tuple[str, str], set[str]]:
     """Return whose signals a verdict on a robot needs, and which components; all of them if none is named."""
-    subjects = list(_subjects(kind)) or [Subject(name) for name in sorted(kind.signals(setup.signals))]
+    subjects = _subjects(kind) or [Subject(name) for name in sorted(kind.signals(setup.signals))]
     needed: dict[tuple[str, str], set[str]] = {}
     for one in subjects:
         having = setup.signals[one.signal].robots
@@ -119,11 +121,13 @@ def _courses(
     return {labels[column]: values[:, column] for column in chosen}
 
 
-def _subjects(kind: Kind) -> Iterator[Subject]:
-    subject = getattr(kind, "subject", None)
+def _subjects(kind: Kind) -> list[Subject]:
+    """Return what it is about, and what is subtracted from that; nothing if it has no such subject."""
+    found, subject = [], getattr(kind, "subject", None)
     while isinstance(subject, Subject):
-        yield subject
+        found.append(subject)
         subject = subject.minus
+    return found
 
 
 def _own_columns(setup: Setup, dim: str, robot: str) -> tuple[int, ...] | None:

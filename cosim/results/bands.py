@@ -23,10 +23,10 @@ def kinds_of(result: Result) -> tuple[Kind, ...]:
 
 
 def bands_of_kind(kind: Kind, result: Result) -> tuple[Band, ...]:
-    """Return the bands of an expectation; none if a result of an earlier version lacks its signal."""
+    """Return the bands of an expectation; none if a result lacks its signal, or a follower that it needs."""
     try:
         return tuple(kind.bands(result))
-    except KeyError:
+    except (KeyError, InputError):
         return ()
 
 

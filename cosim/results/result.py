@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cosim.errors import InputError, nearest
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -133,7 +135,9 @@ class Result:
         return [str(number) for number in range(math.prod(self.sizes[dim] for dim in dims))]
 
     def row(self, robot: str) -> int:
-        """Return the place of a follower along the dimension ``robot``."""
+        """Return the place of a follower along the dimension ``robot``; raises InputError if there is none."""
+        if robot not in self._rows:
+            raise InputError(f"the result has no follower {robot!r}: {nearest(robot, list(self._rows))}")
         return self._rows[robot]
 
     @cached_property

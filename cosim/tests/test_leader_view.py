@@ -71,6 +71,16 @@ def test_a_kind_of_ones_own_is_asked_itself_though_its_vehicle_is_a_built_in_one
         LeaderView(mine, CAR, kind_named("tractor_trailer"), TRUCK).check()
     with pytest.raises(InputError, match="the kind my_car states no motion along a path"):
         LeaderView(kind_named("tractor_trailer"), TRUCK, mine, CAR).check()
+    with pytest.raises(InputError, match="the kind my_car states no motion along a path"):
+        LeaderView(mine, CAR, kind_named("car_like"), LONG_CAR).check()
+
+
+def test_vehicles_of_one_class_with_other_poses_are_not_alike() -> None:
+    class Rolls(CarLike):
+        pose = (*CarLike.pose[:3], ("roll", "rad"), CarLike.pose[3])
+
+    mine = replace(CAR_LIKE, name="rolls", on_path=None)
+    assert not LeaderView(kind_named("car_like"), CAR, mine, Rolls(1.2)).alike
 
 
 def test_a_vehicle_may_be_of_a_kind_that_is_not_installed() -> None:

@@ -261,6 +261,20 @@ def test_a_time_event_is_hit(make: Make, fmi: str, solver: str, when: float) -> 
     np.testing.assert_allclose(moved[:, 4], speed, rtol=0.0, atol=1e-8 if solver == "cvode" else 2e-12)
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_time_event_is_hit_late_in_a_long_run_with_small_parts(make: Make, solver: str) -> None:
+    """There a time is rounded more coarsely than a thousand millionth of a part."""
+    step, first = 0.001, 600_002
+    fmu = make(fmi="2.0", time_event=True, when=first * step, **MODEL)
+    options = {"tolerance": 1e-10} if solver == "cvode" else {"solver_steps": 10}
+    speeds = []
+    with fleet(fmu, solver=solver, horizon=1e7, **options) as (started, state):
+        for tick in range(first - 3, first + 2):
+            started.step(tick, step, np.array([10.0, 0.0]))
+            speeds.append(float(state[0, 4]))
+    assert speeds == pytest.approx([0.001, 0.002, 0.0, 0.001, 0.002], abs=1e-6)
+
+
 def pressed_to_the_stop(time: Floats, limit: float) -> Floats:
     """Return the steering angle that rises with 0.5 t^2 to a stop, is held there for 1 s, and comes back as it went."""
     reached = math.sqrt(2.0 * limit)

@@ -413,6 +413,9 @@ def test_the_leader_less_a_follower_is_judged_by_these_two(run: Result, line: Sc
     for row in rows[21:]:
         row[own] = ""
     (tmp_path / "gap.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    of_all = '<peak signal="velocity" component="v" minus_robot="follower_1" below="10 m/s"/>'
+    of_others = cosim.summary_of(cosim.judge_recording(tmp_path / "gap.csv", expecting(line, of_all))).verdicts
+    assert [verdict.robot for verdict in of_others] == ["follower_2", "follower_3", "follower_4"]
     (verdict,) = cosim.summary_of(cosim.judge_recording(tmp_path / "gap.csv", scenario)).verdicts
     assert (verdict.robot, verdict.judged, verdict.known_failure) == ("leader", False, "")
     assert "v of the velocity of follower_1 at " in verdict.detail
@@ -433,6 +436,13 @@ def test_a_measured_heading_turns_the_shortest_way(run: Result, line: Scenario, 
     pose, measured = (course.values[:49] for course in of_one)
     np.testing.assert_array_equal(measured, pose)
     np.testing.assert_allclose(np.diff(measured), 0.01, atol=1e-9)
+    for number, row in enumerate(rows):  # more than a turn, of which the first samples are not measured
+        row[true], row[seen] = repr(0.2 * number), "" if number < 40 else repr(math.remainder(0.2 * number, math.tau))
+    (tmp_path / "late.csv").write_text("\n".join(map(",".join, [names, *rows])) + "\n")
+    judged = cosim.judge_recording(tmp_path / "late.csv", scenario)
+    of_one = (judged[name].sel(robot="follower_1", pose_component="psi") for name in ("pose", "measured_pose"))
+    pose, measured = (course.values[40:] for course in of_one)
+    np.testing.assert_allclose(measured, pose, atol=1e-9)
 
 
 def no_other(path: Path) -> Result:
