@@ -392,6 +392,12 @@ def test_every_tick_is_the_same_time_in_small_units(verdicts: Judged) -> None:
             assert verdicts(expecting("settled", by, range="0.1 m", bearing="2 deg"), result)["a"].passed, by
 
 
+def test_a_follower_that_was_removed_from_a_result_is_named() -> None:
+    less = understood(expecting("peak", "1 m", signal="pose", component="y", minus_robot="b"))
+    with pytest.raises(InputError, match="the result has no follower 'b': known: a, c"):
+        less.judge(Result.of(made_up().sel(robot=["a", "c"])), None)
+
+
 def test_distance_is_about_the_team(verdicts: Judged) -> None:
     result = made_up()
     result["pose"][500, 2, 1] = 4.0
