@@ -440,6 +440,17 @@ def test_a_branch_keeps_the_run_and_tells_of_both_parts(
     assert json.loads(branch.attrs["changes"]) == [f'--set "{setting}"']
 
 
+def test_a_branch_of_a_run_that_was_only_left_once_has_its_first_checkpoint(
+    built_in: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command(capsys, "run", built_in, "--out", tmp_path, "--until", "0.5 s", *LEAST)
+    to = tmp_path / "heavy"
+    setting = "//plant/parameter[@name='m_c']/@value=35 kg"
+    command(capsys, "resume", tmp_path / "cars", "--set", setting, "--out", to, *LEAST)
+    assert [path.name for path in (to / FOLDER).glob("*.checkpoint")] == ["0000000025.checkpoint"]
+    command(capsys, "resume", to, "--at", "0.6 s", "--set", "simulation/@seed=5", *LEAST)
+
+
 @pytest.mark.parametrize("more", [(), ("--set", "simulation/@seed=5")], ids=["itself", "another branch"])
 @pytest.mark.parametrize("at", ["0 s", "0.4 s"])
 def test_a_branch_does_not_go_on_from_before_its_own_moment(

@@ -109,8 +109,8 @@ class Course:
 
     @property
     def is_kept(self) -> bool:
-        """Whether checkpoints are written."""
-        return self.every is not None or self.until is not None
+        """Whether checkpoints are written; the first one of a branch always is."""
+        return self.every is not None or self.until is not None or self.branched is not None
 
     @property
     def start(self) -> Start | None:

@@ -91,6 +91,7 @@ def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | No
     player = _player(bound)
     plays = variable is not None and player is not None and player.variable.identity == variable.identity
     if variable is not None and not (plays and needs_a_role(fmu.description, variable, setting.value)):
+        _check_beside_constant(bound, setting)
         bound = player = None  # it is meant by its own name
     if variable is None and player is None and (bound is None or bound.played_by is not None):
         known = nearest(setting.name, list(parameters)) + (f". {way_out}" if way_out else "")
@@ -107,6 +108,18 @@ def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | No
         return ParameterValue(variable, value_of(fmu.description, variable, setting.value), setting.where)
     except (ValueError, UnitError) as error:
         raise InputError(f"parameter {setting.name} of {fmu.path.name}: {error}", setting.where) from None
+
+
+def _check_beside_constant(bound: BoundRole | None, setting: Setting) -> None:
+    """Refuse a value of a parameter of the FMU that has the name of a role for which the binding states another."""
+    if bound is None or bound.played_by is not None:
+        return
+    try:
+        check_constant(bound.role, bound.constant, setting.value)
+    except UnitError:
+        return  # it is something else
+    except ValueError as error:
+        raise InputError(f"parameter {setting.name}: {error}", setting.where) from None
 
 
 def check_not_initial(fmu: Fmu, variable: Variable, where: Location) -> None:

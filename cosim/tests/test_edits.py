@@ -1,6 +1,7 @@
 """Scenarios with another horizon, without expectations, and changed again after they were read."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from cosim.cli import main
 from cosim.errors import InputError, Location
 from cosim.scenario.grammar import NAMESPACE
 from cosim.scenario.reader import read_scenario
+from cosim.tests.driving import scenario
 
 EXAMPLE = Path(__file__).with_name("example.xml")
 LATER = """
@@ -48,6 +50,29 @@ def test_a_shortened_run_is_the_beginning_of_the_run(eventful: Path) -> None:
     assert float(abs(longer["velocity"]).max()) > 0
 
 
+def test_an_input_whose_signals_begin_later_is_zero_until_then(tmp_path: Path, make: Callable[..., Path]) -> None:
+    """It does not have the FMU's own start value, which is 1 here."""
+    plant = f'<plant id="car" fmu="{make(discrete=True)}"/>'
+    gear = '<input name="gear"><step value="2" at="0.4 s"/></input>'
+    path = scenario(tmp_path / "s.xml", plant, horizon="0.8 s")
+    path.write_text(path.read_text("utf-8").replace("<leader", f"{gear}<leader"), "utf-8")
+    longer = read_scenario(path)
+    shorter = longer.edited(horizon=0.2)
+    assert '<constant value="0"/>' in shorter.text
+    short, driven = cosim.run(shorter), cosim.run(shorter.edited(["//constant/@value=1"]))
+    xr.testing.assert_equal(short, cosim.run(longer).isel(time=slice(11)))
+    assert float(abs(short["leader_velocity"]).max()) == 0 < float(abs(driven["leader_velocity"]).max())
+
+
+def test_what_begins_with_the_end_stays_whatever_its_unit(tmp_path: Path) -> None:
+    """1380 ms is a little more than 1.38 s."""
+    event = '  <event at="1380 ms" robots="follower_2"><stop/></event>\n</scenario>'
+    text = EXAMPLE.read_text("utf-8").replace("</scenario>", event)
+    (path := tmp_path / "late.xml").write_text(text, "utf-8")
+    assert len(read_scenario(path).edited(horizon="1.38 s", expectations=False).events) == 1
+    assert len(read_scenario(path).edited(horizon="1.36 s", expectations=False).events) == 0
+
+
 BEHIND = """
   <input name="tau_d_y"><step value="2 N" at="0.6 s"/><random value="1 N" cutoff="2 Hz"/></input>
   <input name="tau_d_x"><pulse value="2 N" from="0.5 s" to="0.6 s"/></input>
@@ -81,7 +106,8 @@ def test_what_begins_later_is_left_out(eventful: Path) -> None:
     assert (scenario.horizon, scenario.ticks) == (0.4, 20)
     assert [event.time for event in scenario.events] == [0.3]
     assert [(given.name, [wave.kind for wave in given.waves]) for given in scenario.inputs] == [
-        ("tau_d_x", ["sine", "step"])
+        ("tau_d_x", ["sine", "step"]),
+        ("tau_d_y", ["constant"]),
     ]
     assert {effect.kind for effect in scenario.followers[0].sensor} == {"noise", "dropout"}
     assert [follower.changes for follower in scenario.followers] == [()] * 4

@@ -195,6 +195,16 @@ def test_a_constant_of_the_binding_may_be_set_to_itself(car: Path, tmp_path: Pat
                 understand(opened, [setting(name, text)])
 
 
+def test_a_parameter_beside_a_constant_of_the_same_name_has_its_value(car: Path) -> None:
+    """The FMU has a parameter a, and the binding states a wheelbase of its own: the two are the same or refused."""
+    role = RoleSource(name="a", value="1.5 m", where=HERE)
+    with closing(open_fmu(car, HERE, BindingSource("car_like", (role,), HERE))) as opened:
+        (value,) = understand(opened, [setting("a", "1500 mm")])
+        assert value.value == 1.5
+        with pytest.raises(InputError, match="parameter a: '1.3 m' contradicts the binding"):
+            understand(opened, [setting("a", "1.3 m")])
+
+
 def test_an_enumeration_is_set_by_the_role_that_it_plays(car: Path, tmp_path: Path) -> None:
     path = repack(car, tmp_path / "a.fmu", ' name="drive"', ' name="axle"')
     role = RoleSource(name="drive", variable="axle", where=HERE)
