@@ -201,7 +201,7 @@ def test_a_parameter_beside_a_constant_of_the_same_name_has_its_value(car: Path)
     with closing(open_fmu(car, HERE, BindingSource("car_like", (role,), HERE))) as opened:
         (value,) = understand(opened, [setting("a", "1500 mm")])
         assert value.value == 1.5
-        with pytest.raises(InputError, match="parameter a: '1.3 m' contradicts the binding"):
+        with pytest.raises(InputError, match=r"parameter a: '1\.3 m' contradicts the binding"):
             understand(opened, [setting("a", "1.3 m")])
 
 
