@@ -219,6 +219,8 @@ class _Description:
             self._function(value)
         elif isinstance(value, _Intrinsic) and value._defn.__code__.co_filename in self._own:
             self.pieces.append(f"intrinsic {_place(value._defn)}")
+            cells = [cell.cell_contents for cell in value._defn.__closure__ or ()]
+            self.each(content for content in cells if isinstance(content, (types.Type, float, *_PLAIN)))
         else:
             raise Unknown(f"a {type(value).__module__}.{type(value).__qualname__}")
         self._within.pop()
