@@ -40,8 +40,8 @@ class CompiledLaw(Controller[G], Generic[G]):
         The start of a team: a compiled function of inputs and records, which sets the state; it is zero before, but for
         the states `prepared`. A law that has none implements `start_states`.
     prepared : tuple of str
-        States that `begin` leaves as they are: the class that states them sets them in its `on_start`, and nothing else
-        but by the `on_start` of `CompiledLaw`.
+        States that `begin` leaves as they are. The class that states them has an `on_start`, which sets these states,
+        then calls `CompiledLaw.on_start`, and sets no others.
     """
 
     interface: ClassVar[str] = "1.4"

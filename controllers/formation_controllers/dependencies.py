@@ -14,7 +14,7 @@ import os
 import sys
 import sysconfig
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, cached_property
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -88,12 +88,14 @@ def of_function(function: Any, own: frozenset[str]) -> str:
         It refers to something else than numbers, texts, arrays, tuples, enumerations, exceptions and functions, or to
         what an extension of Numba compiles.
     """
-    return checksum(_Description(own).value(function))
+    return checksum(_described(function, own).pieces)
 
 
 def of_types(arguments: tuple[Any, ...], own: frozenset[str]) -> str:
     """Return a checksum of Numba's types of arguments, with the fields of tuples; raises as `of_function`."""
-    return checksum(_Description(own).each(arguments))
+    description = _Description(own)
+    description.each(arguments)
+    return checksum(description.pieces)
 
 
 def steady(function: Any, own: frozenset[str]) -> bool:
@@ -102,9 +104,7 @@ def steady(function: Any, own: frozenset[str]) -> bool:
     Numba compiles a function once in a process, and calls that code also if a constant has changed since. Of a callee
     that was compiled without `remember`, nobody knows from what. Arguments and errors are those of `of_function`.
     """
-    description = _Description(own)
-    for _ in description.value(function):
-        pass
+    description = _described(function, own)
     # Of a function that Numba has registered nobody knows whether it is compiled already.
     compiled = [each for each in description.functions() if isinstance(each, FunctionType) or each.overloads]
     known = [
@@ -117,7 +117,7 @@ def steady(function: Any, own: frozenset[str]) -> bool:
 
 def remember(function: Any, own: frozenset[str]) -> bool:
     """Return whether a function is as it has always been; call this each time before it is compiled or loaded."""
-    now = checksum(_Description(own, shallow=True).value(function))
+    now = checksum(_described(function, own, shallow=True).pieces)
     if _states.setdefault(function, now) == now:
         return True
     _states[function] = "changed"
@@ -140,6 +140,7 @@ class _Description:
     """
 
     def __init__(self, own: frozenset[str], shallow: bool = False) -> None:
+        self.pieces: list[str] = []
         self._own, self._shallow = own, shallow
         self._seen: dict[int, tuple[int, Any]] = {}
         self._within: list[int] = []
@@ -152,117 +153,120 @@ class _Description:
         """Return the functions that were described."""
         return [value for _, value in self._seen.values() if isinstance(value, (dispatcher.Dispatcher, FunctionType))]
 
-    def each(self, values: Iterable[Any]) -> Iterator[str]:
+    def each(self, values: Iterable[Any]) -> None:
         values = list(values)
-        yield f"{len(values)} of"
+        self.pieces.append(f"{len(values)} of")
         for value in values:
-            yield from self.value(value)
+            self.value(value)
 
-    def value(self, value: Any) -> Iterator[str]:
+    def value(self, value: Any) -> None:
         kind = type(value)
         if kind in _PLAIN:
-            yield f"{kind.__name__} {value!r}"
+            self.pieces.append(f"{kind.__name__} {value!r}")
         elif kind in (float, complex):
-            yield f"{kind.__name__} {np.array(value).tobytes().hex()}"
+            self.pieces.append(f"{kind.__name__} {np.array(value).tobytes().hex()}")
         elif isinstance(value, types.Type):
-            yield from self._type(value)
+            self._type(value)
         elif isinstance(value, np.generic):
-            yield f"{kind.__name__} {value.dtype!r} {value.tobytes().hex()}"
+            self.pieces.append(f"{kind.__name__} {value.dtype!r} {value.tobytes().hex()}")
         elif isinstance(value, np.dtype):
-            yield f"dtype {value!r}"
+            self.pieces.append(f"dtype {value!r}")
         elif kind is np.ndarray and not value.dtype.hasobject:
             content = hashlib.sha256(value.tobytes("A")).hexdigest()
-            yield f"array {value.dtype!r} {value.shape} {value.strides} {content}"
+            self.pieces.append(f"array {value.dtype!r} {value.shape} {value.strides} {content}")
         elif kind is CodeType:
-            yield _text(value)
+            self.pieces.append(_text(value))
         elif kind is dict:
-            yield "dict"
-            yield from self.each(sorted(value.items(), key=repr))
+            self.pieces.append("dict")
+            self.each(sorted(value.items(), key=repr))
         elif kind in (set, frozenset):
-            yield "set"
-            yield from self.each(sorted(value, key=repr))
+            self.pieces.append("set")
+            self.each(sorted(value, key=repr))
         elif isinstance(value, tuple):
-            yield "tuple"
-            yield from self.value(kind) if kind is not tuple else ()
-            yield from self.each(value)
+            self.pieces.append("tuple")
+            if kind is not tuple:
+                self.value(kind)
+            self.each(value)
         elif kind is slice:
-            yield "slice"
-            yield from self.each([value.start, value.stop, value.step])
+            self.pieces.append("slice")
+            self.each([value.start, value.stop, value.step])
         elif library := _library_of(value):
             self._refuse_extended(value.__name__)
-            yield f"library {library} {value.__name__}"
+            self.pieces.append(f"library {library} {value.__name__}")
         elif isinstance(value, enum.Enum):
-            yield f"member {value.name}"
-            yield from self.each([kind, value.value])
+            self.pieces.append(f"member {value.name}")
+            self.each([kind, value.value])
         else:
-            yield from self._once(value)
+            self._once(value)
 
-    def _once(self, value: Any) -> Iterator[str]:
+    def _once(self, value: Any) -> None:
         """Describe what may refer to itself."""
         if id(value) in self._seen:
             if id(value) in self._within[:-1]:
                 raise Unknown("functions that call each other in a circle, which Numba cannot load")
-            yield f"as number {self._seen[id(value)][0]}"
+            self.pieces.append(f"as number {self._seen[id(value)][0]}")
             return
         if self._shallow and self._seen and isinstance(value, dispatcher.Dispatcher):
-            yield f"function {id(value)}"
+            self.pieces.append(f"function {id(value)}")
             return
         self._seen[id(value)] = len(self._seen), value  # kept alive, so that no other object is given its id
         self._within.append(id(value))
         if isinstance(value, dispatcher.Dispatcher):
-            yield from self._dispatcher(value)
+            self._dispatcher(value)
         elif isinstance(value, type):
-            yield from self._class(value)
+            self._class(value)
         elif isinstance(value, FunctionType) and value.__code__.co_filename in self._own:
-            yield from self._function(value)
+            self._function(value)
         elif isinstance(value, _Intrinsic) and value._defn.__code__.co_filename in self._own:
-            yield f"intrinsic {_place(value._defn)}"
+            self.pieces.append(f"intrinsic {_place(value._defn)}")
+            cells = [cell.cell_contents for cell in value._defn.__closure__ or ()]
+            self.each(content for content in cells if isinstance(content, (types.Type, float, *_PLAIN)))
         else:
             raise Unknown(f"a {type(value).__module__}.{type(value).__qualname__}")
         self._within.pop()
 
-    def _dispatcher(self, function: Any) -> Iterator[str]:
+    def _dispatcher(self, function: Any) -> None:
         if not function._can_compile or function._compiler.pipeline_class is not compiler.Compiler:
             raise Unknown("a function for given types alone, or compiled in another way")
         if type(getattr(function._cache, "_cache_file", None)) is caching.IndexDataCacheFile:
             raise Unknown("a function that Numba keeps by the time of its file")
-        yield "compiled"
-        yield from self.each([function.targetoptions, function.locals])
-        yield from self._function(function.py_func)
+        self.pieces.append("compiled")
+        self.each([function.targetoptions, function.locals])
+        self._function(function.py_func)
 
-    def _function(self, python: FunctionType) -> Iterator[str]:
+    def _function(self, python: FunctionType) -> None:
         """Describe a text, its defaults, and all that it refers to."""
         text = python.__code__
-        yield from self.each([python.__defaults__, python.__kwdefaults__])
+        self.each([python.__defaults__, python.__kwdefaults__])
         cells = zip(text.co_freevars, python.__closure__ or (), strict=True)
         meanings: ChainMap[str, Any] = ChainMap({name: cell.cell_contents for name, cell in cells}, python.__globals__)
         if text.co_filename in self._own:
-            yield f"own {_place(python)}"
-            yield from self._named(meanings, _globals(text), _names(text))
+            self.pieces.append(f"own {_place(python)}")
+            self._named(meanings, _globals(text), _names(text))
             return
         self._refuse_extended("operator", *_names(text))
-        yield from self.value(text)
+        self.value(text)
         meanings.maps.append(vars(builtins))
         for name, *attributes in _references(text):
             if name in meanings:
-                yield from self._reference(meanings[name], name, attributes)
+                self._reference(meanings[name], name, attributes)
 
-    def _named(self, meanings: Mapping[str, Any], names: Iterable[str], attributes: tuple[str, ...]) -> Iterator[str]:
+    def _named(self, meanings: Mapping[str, Any], names: Iterable[str], attributes: tuple[str, ...]) -> None:
         """Describe what names of an own text mean; of a module, all attributes of names in the text."""
         for name in names:
             if name not in meanings:
                 continue
             value = meanings[name]
-            yield name
+            self.pieces.append(name)
             if not isinstance(value, ModuleType):
-                yield from self.value(value)
+                self.value(value)
             elif not _library(value):
                 others = (name for name in attributes if not isinstance(vars(value).get(name), ModuleType))
-                yield from self._named(vars(value), others, ())
+                self._named(vars(value), others, ())
 
-    def _reference(self, value: Any, name: str, attributes: list[str]) -> Iterator[str]:
+    def _reference(self, value: Any, name: str, attributes: list[str]) -> None:
         """Describe what a text means by a name and the attributes that it takes of that, such as np.linalg.norm."""
-        yield f"{name} {attributes}"
+        self.pieces.append(f"{name} {attributes}")
         for attribute in attributes:
             if not isinstance(value, ModuleType):
                 break
@@ -270,12 +274,12 @@ class _Description:
             if _library(module) and callable(value) and not isinstance(value, dispatcher.Dispatcher):
                 # also methods of an object, such as np.random.normal, which do not know this name
                 self._refuse_extended(getattr(value, "__name__", attribute))
-                yield f"library {module.__name__}"
+                self.pieces.append(f"library {module.__name__}")
                 return
         if isinstance(value, ModuleType):
             raise Unknown(f"all of the module {value.__name__}")
         try:
-            yield from self.value(value)
+            self.value(value)
         except Unknown as error:
             raise Unknown(f"{'.'.join([name, *attributes])}: {error}") from None
 
@@ -283,44 +287,50 @@ class _Description:
         for name in self._extended.intersection(names):
             raise Unknown(f"{name}, in the place of which an extension of Numba may compile something else")
 
-    def _class(self, kind: type) -> Iterator[str]:
-        yield f"class {kind.__module__} {kind.__qualname__}"
-        yield from self.each(base.__qualname__ for base in kind.__mro__)
+    def _class(self, kind: type) -> None:
+        self.pieces.append(f"class {kind.__module__} {kind.__qualname__}")
+        self.each(base.__qualname__ for base in kind.__mro__)
         if issubclass(kind, tuple) and hasattr(kind, "_fields"):
-            yield from self.value(kind._fields)
+            self.value(kind._fields)
         elif issubclass(kind, enum.Enum):
-            yield from self.each((name, member.value) for name, member in kind.__members__.items())
+            self.each((name, member.value) for name, member in kind.__members__.items())
         elif not issubclass(kind, BaseException):
             raise Unknown(f"the class {kind.__qualname__}")
 
-    def _type(self, kind: Any) -> Iterator[str]:
-        yield f"type {type(kind).__name__}"
+    def _type(self, kind: Any) -> None:
+        self.pieces.append(f"type {type(kind).__name__}")
         if isinstance(kind, types.BaseTuple):
-            yield from self.each([getattr(kind, "instance_class", None), *kind.types])  # type: ignore[attr-defined]
+            self.each([getattr(kind, "instance_class", None), *kind.types])  # type: ignore[attr-defined]
         elif isinstance(kind, types.Literal):
-            yield from self.value(kind.literal_value)
+            self.value(kind.literal_value)
         elif isinstance(kind, types.Omitted):
-            yield from self.value(kind.value)
+            self.value(kind.value)
         elif isinstance(kind, types.EnumMember):
-            yield from self.each([kind.instance_class, kind.dtype])
+            self.each([kind.instance_class, kind.dtype])
         elif type(kind) is types.Optional:
-            yield from self.value(kind.type)
+            self.value(kind.type)
         elif type(kind) is types.Array:
-            yield str(kind)
-            yield from self.value(kind.dtype)
+            self.pieces.append(str(kind))
+            self.value(kind.dtype)
         elif getattr(sys.modules.get(type(kind).__module__), "__file__", None) in self._own:
-            yield str(kind)
-            yield from self.each(part for part in vars(kind).values() if isinstance(part, types.Type))
+            self.pieces.append(str(kind))
+            self.each(part for part in vars(kind).values() if isinstance(part, types.Type))
         elif isinstance(kind, _PLAIN_TYPES):
-            yield str(kind)
+            self.pieces.append(str(kind))
         else:
             raise Unknown(f"the type {kind}")
+
+
+def _described(function: Any, own: frozenset[str], shallow: bool = False) -> _Description:
+    description = _Description(own, shallow)
+    description.value(function)
+    return description
 
 
 @cache
 def _text(code: CodeType) -> str:
     """Return a checksum of a function's text."""
-    return checksum(_Description(frozenset()).each(getattr(code, name, None) for name in _TEXT))
+    return of_types(tuple(getattr(code, name, None) for name in _TEXT), frozenset())
 
 
 def _place(function: FunctionType) -> str:

@@ -40,6 +40,8 @@ def fits(value: object, shape: tuple[int, ...]) -> bool:
 
 def as_floats(name: str, value: ArrayLike) -> Floats:
     """Return a value as an array of floats of any shape and layout, or refuse it by name."""
+    if type(value) is float or (type(value) is np.ndarray and value.dtype is _FLOAT):  # as at almost every tick
+        return np.asarray(value)
     if np.ma.is_masked(value) or (isinstance(value, list | tuple) and any(map(np.ma.is_masked, value))):
         raise ControllerError(f"{name} has masked numbers, which no law can use")
     try:

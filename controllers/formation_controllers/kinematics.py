@@ -119,8 +119,11 @@ def geometry_of(vehicle: Vehicle) -> Geometry:
     formation, torques = formation_of(vehicle), torques_of(vehicle)
     if isinstance(vehicle, type) or formation is None:
         raise ControllerError(f"the vehicle is {vehicle!r}: expected one that states its formation, such as a CarLike")
-    if fault := vehicle_fault(vehicle):  # compiled code reads as many entries of a pose as the formation needs
-        raise ControllerError(f"the vehicle is {vehicle!r}: {fault}")
+    # Compiled code reads as many entries of a pose as the formation needs. All that a vehicle states costs too much
+    # to check for a law in Python, which asks at each tick.
+    pose = getattr(vehicle, "pose", None)
+    if not isinstance(pose, tuple) or len(pose) < (3 if formation.steering == "none" else 4):
+        raise ControllerError(f"the vehicle is {vehicle!r}: {vehicle_fault(vehicle)}")
     length = float(formation.length)
     return Geometry(
         STEERINGS.index(formation.steering),

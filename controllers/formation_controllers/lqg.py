@@ -221,8 +221,9 @@ def _design(
     seen, nothing = np.eye(2, STATES), np.zeros((2, 2))
     with_integrals = np.block([[Phi, np.zeros((STATES, 2))], [period * seen, np.eye(2)]])
     pushed = np.vstack([Gamma, nothing])
-    weights = np.diag(1.0 / np.square(np.concatenate([gains.q_max, gains.rate_max, gains.integral_max])))
-    cost, noise = np.diag(1.0 / np.square(gains.force_max)), np.diag(np.square(gains.q_noise))
+    with np.errstate(all="ignore"):  # what is too large for a square weighs nothing
+        weights = np.diag(1.0 / np.square(np.concatenate([gains.q_max, gains.rate_max, gains.integral_max])))
+        cost, noise = np.diag(1.0 / np.square(gains.force_max)), np.diag(np.square(gains.q_noise))
     try:
         X = riccati(with_integrals, pushed, weights, cost)
         K = solve(cost + product(pushed.T, X, pushed), product(pushed.T, X, with_integrals))

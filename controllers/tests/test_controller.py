@@ -39,7 +39,7 @@ from formation_controllers.geometry import (
 )
 from formation_controllers.interface import CompiledStart, CompiledTick
 from formation_controllers.neural_adaptive_pid import NeuralAdaptivePidGains
-from formation_controllers.testing import check_controller
+from formation_controllers.testing import VEHICLES, _course, check_controller
 
 TEAM = Team(CarLike(1.2), 3, 0.02)
 POSE = np.array([[-5.0, 0, 0, 0], [-5, 3, 0.1, 0], [-4, -3, -0.1, 0.2]])
@@ -784,6 +784,62 @@ class OtherStart(Integral):
         return CompiledStart(lambda inputs, own: None, ())
 
 
+class FirstUnknown(Integral):
+    """A rate needs two samples: it is written at the first step, but as NaN."""
+
+    def on_step(self, pose, leader, desired):
+        torque = super().on_step(pose, leader, desired)
+        self._telemetry["ticks"][self._state["ticks"] == 2] = math.nan
+        return torque
+
+
+class FailsTurnedBack(Integral):
+    def on_step(self, pose, leader, desired):
+        if (np.cos(pose[:, 2] - leader.pose[2]) < 0).any():
+            raise ValueError("turned back")
+        return super().on_step(pose, leader, desired)
+
+
+class RefusesAll(Integral):
+    def on_start(self, pose, leader, desired):
+        raise ControllerError("never")
+
+
+class FailsAgain(Integral):
+    def on_start(self, pose, leader, desired):
+        if hasattr(self, "started"):
+            raise RuntimeError("once only")
+        self.started = True
+        super().on_start(pose, leader, desired)
+
+
+class AcceptsNoNumber(Integral):
+    def step(self, pose, leader, desired, velocity=None):
+        if np.isnan(pose).any():
+            raise ZeroDivisionError
+        return super().step(pose, leader, desired, velocity)
+
+
+class RefusesLargeBearings(Integral):
+    """It keeps to Remark 2 of the paper, and says so at the start."""
+
+    def on_start(self, pose, leader, desired):
+        if (np.abs(desired.q[:, 1]) > math.pi / 2).any():
+            raise ControllerError("a desired bearing is beyond 90 degrees")
+        super().on_start(pose, leader, desired)
+
+
+class RefusesTurnedBack(Integral):
+    def on_step(self, pose, leader, desired):
+        if (np.cos(pose[:, 2] - leader.pose[2]) < 0).any():
+            raise ControllerError("a follower is turned back")
+        return super().on_step(pose, leader, desired)
+
+
+class RefusesAndHides(RefusesTurnedBack, Hidden):
+    """Without the follower that is turned back, the other rules are checked."""
+
+
 class Twice(Integral):
     signals = (*Integral.signals, *Integral.signals)
 
@@ -800,11 +856,11 @@ class Elsewhere(Integral):
         (Place, "a follower's torque depends on the rest of the team or on its place"),
         (Hidden, "after a reset it gives other torques"),
         (Clobbers, "it changes its inputs"),
-        (Silent, "signal forgotten is not written at every step"),
+        (Silent, "signal forgotten is not finite at every step: at step"),
         (Random, "a second run gives other torques"),
         (Anonymous, "states the interface None, which is not a version"),
         (Later, r"speaks version 9\.9 of the controller interface, and version .* is spoken here"),
-        (Once, "signal first is not written at every step"),
+        (Once, "signal first is not finite at every step: at step"),
         (Counting, "after a reset it gives other signal ticks"),
         (TeamSignal, "a follower's signal ticks depends on the rest of the team or on its place"),
         (NeverAlone, "it fails in another team, of 1: ValueError: no team"),
@@ -824,6 +880,12 @@ class Elsewhere(Integral):
         (OtherSignals, "its compiled_tick gives other signal ticks than step"),
         (OtherState, "its compiled_tick advances its state otherwise than step"),
         (OtherStart, "its compiled_start sets another state than start"),
+        (FirstUnknown, "signal ticks is not finite at every step: at step 1 it is nan, also if it is not written"),
+        (FailsTurnedBack, "it fails at a start or a step: ValueError: turned back"),
+        (RefusesAll, "it fails at a start or a step: ControllerError: never"),
+        (FailsAgain, "it fails after a reset: RuntimeError: once only"),
+        (AcceptsNoNumber, "a pose that is not a number ends in ZeroDivisionError, expected a ControllerError"),
+        (RefusesAndHides, "after a reset it gives other torques"),
         (Twice, "has two signals named 'error'"),
         (Elsewhere, "serves none of car_like, tractor_trailer, differential_drive: pass a vehicle that it serves"),
     ],
@@ -831,6 +893,22 @@ class Elsewhere(Integral):
 def test_a_broken_promise_is_found(broken, message):
     with pytest.raises(AssertionError, match=message):
         check_controller(broken)
+
+
+@pytest.mark.parametrize("law", [RefusesLargeBearings, RefusesTurnedBack])
+def test_a_law_may_refuse_a_follower_that_is_turned_back(law):
+    check_controller(law)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES.values(), ids=VEHICLES)
+@pytest.mark.parametrize("size", [1, 4])
+def test_the_check_turns_a_bearing_through_180_degrees(vehicle, size):
+    """The desired bearing that it hands over is within half a turn."""
+    course = _course(vehicle, size, 12)
+    raw = np.array([range_bearing(pose, leader.pose, vehicle)[-1, 1] for pose, leader, *_ in course])
+    assert np.abs(np.diff(raw)).max() > math.pi
+    assert max(np.abs(desired.q[:, 1]).max() for _, _, desired, _ in course) < math.pi
+    assert course[0][0][-1, 2] > math.pi
 
 
 def test_a_law_may_use_the_memory_of_its_torques_again():

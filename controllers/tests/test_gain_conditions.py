@@ -437,9 +437,22 @@ def test_what_is_no_number_is_no_bearing(bearings):
         check_gains(PRINTED, BOUNDS, bearings)
 
 
-def test_a_masked_bearing_is_refused():
+def test_bearings_may_be_arrays_of_one_number():
+    largest = check_gains(PRINTED, BOUNDS, [np.array(0.1), np.array(-0.2), np.float32(0.125)])["Remark 2"].right
+    assert largest == 0.2
+
+
+@pytest.mark.parametrize("bearings", [np.ma.masked_array([0.1, 9.0], mask=[False, True]), [0.1, np.ma.masked]])
+def test_a_masked_bearing_is_refused(bearings):
     with pytest.raises(ControllerError, match="the desired bearing is"):
-        check_gains(PRINTED, BOUNDS, np.ma.masked_array([0.1, 9.0], mask=[False, True]))
+        check_gains(PRINTED, BOUNDS, bearings)
+
+
+def test_a_report_is_asked_for_the_conditions_that_it_has():
+    report = check_gains(PRINTED, BOUNDS, [0.1])
+    assert list(report) == ["(39)", "(40)", "(41)", "(42)", "Remark 2"]
+    assert "(39)" in report
+    assert "43" not in report
 
 
 def test_every_refusal_is_a_controller_error():

@@ -357,6 +357,13 @@ def test_a_vehicle_whose_pose_is_too_short_for_its_formation_is_refused():
             call()
 
 
+def test_all_that_a_vehicle_states_is_not_checked_at_each_call(monkeypatch):
+    """Laws in Python call these functions at each tick, and that check takes longer than they do."""
+    monkeypatch.setattr(kinematics, "vehicle_fault", None)
+    assert range_bearing(np.zeros((2, 4)), np.zeros(4), CAR).shape == (2, 2)
+    assert input_matrix(np.zeros((2, 4)), CAR).shape == (2, 2, 2)
+
+
 def test_first_places_of_other_shapes_are_refused():
     for poses, desired in ((np.zeros((2, 4)), np.zeros(2)), (np.zeros(4), np.zeros((1, 2))), (np.zeros((2, 4)), 0.0)):
         with pytest.raises(ControllerError, match=r"expected \(N, 2\)"):

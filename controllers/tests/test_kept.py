@@ -15,9 +15,17 @@ from typing import Any
 
 import formation_controllers
 import numba
+import numba.extending
 import numpy as np
 import pytest
-from formation_controllers import elementary, neural_adaptive_pid, observer_pid, projection, velocity_observer
+from formation_controllers import (
+    dependencies,
+    elementary,
+    neural_adaptive_pid,
+    observer_pid,
+    projection,
+    velocity_observer,
+)
 from formation_controllers.compiled import _OWN, compiled
 from formation_controllers.dependencies import _globals, _references, of_function, steady
 from formation_controllers.kept import Files, trusted
@@ -344,6 +352,7 @@ HELPER = """
 import enum, logging
 from typing import NamedTuple
 import numba
+import numba.extending
 import numpy as np
 from numba.extending import overload
 
@@ -671,8 +680,35 @@ def test_what_is_changed_in_an_own_module_counts(
 def test_a_change_below_a_function_that_numba_has_registered(monkeypatch: pytest.MonkeyPatch) -> None:
     """It may be compiled already, with the constant of before: nothing is kept that calls it."""
     assert steady(neural_adaptive_pid.tick, _OWN.files)
-    monkeypatch.setattr(elementary, "EXP_3", 0.0)
-    assert not steady(neural_adaptive_pid.tick, _OWN.files)
+    with monkeypatch.context() as change:
+        change.setattr(dependencies, "_states", dependencies._states.copy())  # a change is remembered for good
+        change.setattr(elementary, "EXP_3", 0.0)
+        assert not steady(neural_adaptive_pid.tick, _OWN.files)
+    assert steady(neural_adaptive_pid.tick, _OWN.files)
+
+
+def reinterpreted(given: Any, taken: Any) -> Any:
+    """Return a function of which Numba makes no more than another type of the same bits."""
+
+    @numba.extending.intrinsic
+    def bits(typing: Any, value: Any) -> Any:
+        return taken(given), lambda context, builder, _, values: builder.bitcast(
+            values[0], context.get_value_type(taken)
+        )
+
+    return bits
+
+
+@jit
+def test_intrinsics_of_one_place_are_told_apart_by_their_closures() -> None:
+    def calling(bits: Any) -> Any:
+        return numba.njit(lambda x: bits(x))
+
+    def described(given: Any, taken: Any) -> str:
+        return of_function(calling(reinterpreted(given, taken)), frozenset({__file__}))
+
+    assert described(numba.float64, numba.int64) == described(numba.float64, numba.int64)
+    assert described(numba.float64, numba.int64) != described(numba.int64, numba.float64)
 
 
 @jit

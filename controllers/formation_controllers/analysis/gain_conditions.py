@@ -24,7 +24,7 @@ a condition may be told to fail by a little that holds for the matrices themselv
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -152,6 +152,10 @@ class GainReport:
             raise ControllerError(unknown("condition", name, conditions))
         return conditions[name]
 
+    def __iter__(self) -> Iterator[str]:
+        """Return the names of the conditions, as a mapping does; so `in` asks for a name."""
+        return (condition.name for condition in self.conditions)
+
     def __str__(self) -> str:
         """Return a table."""
         if self.discriminant < 0:
@@ -249,6 +253,7 @@ def _largest(bearings: ArrayLike) -> float:
     """Return the largest magnitude of bearings."""
     try:
         values = list(np.asarray(bearings, dtype=object).flat)  # as they are: no number is made of a text or a bool
+        values = [v.item() if isinstance(v, np.ndarray) and not np.ma.is_masked(v) else v for v in values]
     except ValueError:
         values = []
     if not values or np.ma.is_masked(bearings) or not all(map(is_finite, values)):

@@ -9,8 +9,8 @@ import numpy as np
 
 from formation_controllers.interface import Floats
 
-DOUBLINGS = 60
-"""Most steps of `riccati`, each of which stands for as many periods as all before it."""
+DOUBLINGS = 1100
+"""Most steps of `riccati`, each of which stands for as many periods as all before it: prices of 1e-308 take 520."""
 SETTLED = 1e-15
 """Relative change of each diagonal entry below which its solution no longer changes."""
 
@@ -102,6 +102,8 @@ def riccati(a: Floats, b: Floats, q: Floats, r: Floats) -> Floats:
             h = h + (more + more.T) / 2
             # Each entry for itself, as a slow mode may be the smallest. Both are positive semidefinite, so that the
             # diagonal bounds the rest: |more_ij| <= sqrt(more_ii more_jj).
-            if np.isfinite(h).all() and (np.diag(more) <= SETTLED * np.diag(h)).all():
+            if not np.isfinite(h).all():
+                break
+            if (np.diag(more) <= SETTLED * np.diag(h)).all():
                 return h
     raise np.linalg.LinAlgError("no stabilising solution of the Riccati equation was found")
