@@ -372,11 +372,23 @@ def test_an_enumeration_whose_items_make_a_reserved_name() -> None:
         model_of(parameters=(Parameter(k, "1", ""), n, drive))
 
 
-@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t")])
+@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t"), ("va", "list")])
 def test_an_enumeration_whose_items_make_a_name_of_the_runtime(enumeration: str, item: str) -> None:
     made = Enumeration(sympy.Symbol(enumeration), {item: ""}, "")
     with pytest.raises(ModelError, match=f"the generated C code uses the name '{enumeration}_{item}' for something"):
         generate(model_of(parameters=(Parameter(k, "1", ""), n, made)), "3.0")
+
+
+def test_names_of_locals_members_and_comments_of_the_runtime_are_free(load: Callable) -> None:
+    """There: locals `q_low` and `is_left`, an argument `n_knowns`, a member `has_error`, a text "#define and"."""
+    words = {"q": ("low", "rest"), "is": ("left",), "n": ("knowns",), "has": ("error",)}
+    made = [Enumeration(sympy.Symbol(name), dict.fromkeys(items, ""), "") for name, items in words.items()]
+    named = Parameter(sympy.Symbol("and"), "1", "", start=3.0)
+    expression = made[0].select(low=named.symbol * x, rest=-x)
+    model = model_of(expression, parameters=(Parameter(k, "1", ""), named, *made))
+    values = assert_equal(model, load(model), [{"q": 1}, {"q": 2}])
+    assert values[:, 0].tolist() == [3 * 0.4, -0.4]
+    assert generate(model, "3.0")
 
 
 @pytest.mark.parametrize(("name", "fmi"), [("INTERFACES", "2.0"), ("VARIABLES_H", "3.0"), ("fmi2True", "2.0")])
