@@ -72,7 +72,7 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     files["sources/" + c_functions.FILE] = c_functions.header().encode()
     _check_names(model, b"\n".join(content for path, content in files.items() if path.startswith("sources/")).decode())
 
-    table = with_starts(tabulate(model), starts) if starts else tabulate(model)
+    table = with_starts(model, starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
     at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
     functions = (

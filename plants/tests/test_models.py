@@ -127,9 +127,11 @@ def test_wrong_statements_are_refused_by_name(state: Callable[[], object], messa
 @pytest.mark.parametrize(
     ("assumptions", "start", "told"),
     [
-        ({"positive": True}, -1.0, "is positive"),
-        ({"positive": True}, 0.0, "is positive"),
+        ({"positive": True}, -1.0, "is not negative"),
+        ({"positive": True}, 0.0, ""),
+        ({"negative": True}, 0.0, ""),
         ({"positive": False, "real": True}, 2.0, "is not positive"),
+        ({"positive": False, "real": True}, -2.0, ""),
         ({"nonnegative": True}, -1.0, "is not negative"),
         ({"negative": True}, 1.0, "is not positive"),
         ({"nonnegative": True}, 0.0, ""),
