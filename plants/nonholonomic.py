@@ -13,11 +13,13 @@ whose solution for v' together with (2) is the model. The multipliers lambda and
 F2 is not in the paper: it holds resistances to the pseudo-velocities themselves, such as friction.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import sympy
+from sympy.functions.elementary.trigonometric import TrigonometricFunction
 
 from plants import units
 from plants.errors import ModelError
@@ -64,7 +66,7 @@ class NonholonomicSystem:
     ModelError
         The shape of a matrix does not fit, M1 is not symmetric, A S is not zero, S or M1 depends on the time, an input,
         a pseudo-velocity or a term that is not constant, an angle is not a difference of coordinates, or a quantity has
-        a unit with a factor to SI units, such as g: the derivation would take its number for one in kg.
+        a unit with a factor to SI units, such as g: one that moves, or one that a matrix uses without a conversion.
     """
 
     name: str
@@ -128,19 +130,28 @@ class NonholonomicSystem:
         self._check_units()
 
     def _check_units(self) -> None:
-        """Refuse units with a factor, of what the derivation computes with."""
-        matrices = (self.S, self.M1, self.D1, self.B1, self.F2)
-        used = set[sympy.Symbol]().union(*(matrix.free_symbols for matrix in matrices if matrix is not None))
-        others = (p for p in (*self.parameters, *self.terms) if isinstance(p, Parameter | Term) and p.symbol in used)
-        moving = (*self.coordinates, *self.velocities, *self.inputs, *self.disturbances)
-        for quantity in (*moving, *self.angles, *others):
+        """Refuse units with a factor: of all that moves, and of what a matrix uses without a conversion."""
+        moving: tuple[State | Input | Term, ...] = (*self.coordinates, *self.velocities, *self.inputs)
+        for quantity in (*moving, *self.disturbances, *self.angles):
             unit = units.parse(quantity.unit)
             if unit.factor != 1.0:
-                way_out = " or convert it in a term" if isinstance(quantity, Parameter) else ""
                 raise ModelError(
                     f"model {self.name!r}: {quantity.symbol} is in {quantity.unit}, but the derivation computes in SI "
-                    f"units: state it in {unit}{way_out}"
+                    f"units: state it in {unit}"
                 )
+        entries = [(letter, entry) for letter in ("S", "M1", "D1", "B1", "F2") for entry in getattr(self, letter)]
+        used = set[sympy.Symbol]().union(*(entry.free_symbols for _, entry in entries))
+        reals = (p for p in (*self.parameters, *self.terms) if isinstance(p, Parameter | Term))
+        others = {p.symbol: p.unit for p in reals if p.symbol in used}
+        factors = {symbol: units.parse(unit).factor for symbol, unit in others.items()}
+        scaled = {symbol: factor for symbol, factor in factors.items() if factor != 1.0}
+        if scaled:
+            for letter, entry in entries:
+                for symbol in sorted(_unconverted(entry, scaled), key=str):
+                    raise ModelError(
+                        f"model {self.name!r}: {symbol} is in {others[symbol]}, but {letter} uses it as it stands, and "
+                        f"the derivation computes in SI units: state it in {units.parse(others[symbol])}, or convert it"
+                    )
 
     @cached_property
     def eta(self) -> sympy.Matrix:
@@ -258,6 +269,24 @@ class NonholonomicSystem:
             limits=self.limits,
             terminals=tuple(Terminal(name, tuple(v.symbol for v in group)) for name, group in bundles.items()),
         )
+
+
+def _unconverted(expression: sympy.Expr, scaled: Mapping[sympy.Symbol, float]) -> set[sympy.Symbol]:
+    """Return symbols of units with these factors in a product that, by any measure, is in no SI unit.
+
+    A number in a product may be the conversion. Factors may also cancel, as in a ratio of two masses in g.
+    """
+    if not expression.free_symbols & scaled.keys():
+        return set()
+    angles = [function.args[0] for function in expression.atoms(TrigonometricFunction)]
+    for product in (term for part in (expression, *angles) for term in sympy.Add.make_args(sympy.expand(part))):
+        powers = product.as_powers_dict()
+        rest = [base**power for base, power in powers.items() if base not in scaled or not power.is_number]
+        plain = all(abs(item) == 1 if item.is_number else not item.free_symbols & scaled.keys() for item in rest)
+        found = powers.keys() & scaled.keys()
+        if plain and found and not math.isclose(math.prod(scaled[s] ** float(powers[s]) for s in found), 1.0):
+            return set(found)
+    return set()
 
 
 class _Terms:

@@ -11,6 +11,7 @@ import numbers
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 
 import sympy
 from sympy.core.function import AppliedUndef
@@ -22,14 +23,37 @@ TIME = sympy.Symbol("time", real=True)
 """The independent variable [s], for right-hand sides that depend on it."""
 
 
+def real_number(value: object) -> float:
+    """Return a number of Python, NumPy or SymPy as a float; a NumPy array without dimensions is one, too.
+
+    Raises
+    ------
+    TypeError, ValueError, OverflowError
+        The value is no real number, or too large.
+    """
+    item = value.item() if getattr(value, "ndim", None) == 0 else value  # type: ignore[attr-defined]
+    if not isinstance(item, numbers.Real | Decimal | sympy.Expr):
+        raise TypeError
+    return float(value)  # type: ignore[arg-type]
+
+
+def contradiction(symbol: sympy.Symbol, value: float) -> str:
+    """Return the assumption of a symbol that a value contradicts, ``not negative`` or ``not positive``, or nothing.
+
+    Zero contradicts neither: what SymPy makes of a positive symbol holds from above up to there, and zero is at rest.
+    """
+    for size, sign in ((value, "positive"), (-value, "negative")):
+        if size > 0 and getattr(symbol, f"is_{sign}") is False:
+            return f"not {sign}"
+    return ""
+
+
 def _make_floats(declared: "Variable | Output | Limit", *attributes: str) -> None:
     """Turn attributes that are numbers of Python, NumPy or SymPy, such as pi/2, into floats."""
     for attribute in attributes:
         value = getattr(declared, attribute)
         try:
-            if not isinstance(value, numbers.Real | sympy.Expr):
-                raise TypeError
-            object.__setattr__(declared, attribute, float(value))
+            object.__setattr__(declared, attribute, real_number(value))
         except (TypeError, ValueError, OverflowError):
             kind = type(declared).__name__.lower()
             raise ModelError(f"{kind} {declared.name!r}: {attribute} is {value!r}, it must be a real number") from None
@@ -437,13 +461,11 @@ def _check(model: OdeModel) -> None:
                     f"{kind} {variable.name!r}: the default {variable.start:g} is not within its bounds {bounds}"
                 )
             check_nominal(variable, kind)
-            for assumption in ("positive", "negative", "nonnegative", "nonpositive"):  # by which SymPy simplifies
-                holds = getattr(sympy.Float(variable.start), f"is_{assumption}")
-                if getattr(variable.symbol, f"is_{assumption}") not in (None, holds):
-                    raise error(
-                        f"{kind} {variable.name!r}: the default {variable.start:g} contradicts the assumptions of its "
-                        f"symbol, which is{' not' * holds} {assumption}"
-                    )
+            if sign := contradiction(variable.symbol, variable.start):  # by its assumptions SymPy simplifies
+                raise error(
+                    f"{kind} {variable.name!r}: the default {variable.start:g} contradicts the assumptions of its "
+                    f"symbol, which is {sign}"
+                )
     for enumeration in model.enumerations:
         declare(enumeration.symbol, "parameter")
         if not enumeration.items:

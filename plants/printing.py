@@ -56,11 +56,15 @@ class Printing:
         return self._nested("smaller", expression.args)  # type: ignore[no-any-return]
 
     def _nested(self: Any, function: str, arguments: Sequence[sympy.Expr]) -> str:
-        """Return a call of a function of two numbers for more of them."""
-        *before, text = map(self._print, arguments)
-        for argument in reversed(before):
-            text = f"{self.own_prefix}{function}({argument}, {text})"
-        return str(text)
+        """Return a call of a function of two numbers for more of them, halved so that few parentheses are nested.
+
+        The order of the calls does not change a bit: the value is the last of the largest, NaN only if all are NaN.
+        """
+        if len(arguments) == 1:
+            return str(self._print(arguments[0]))
+        middle = len(arguments) // 2
+        halves = (self._nested(function, half) for half in (arguments[:middle], arguments[middle:]))
+        return f"{self.own_prefix}{function}({', '.join(halves)})"
 
 
 class PythonPrinting(Printing):
@@ -100,31 +104,44 @@ def python_function(
     Raises
     ------
     ModelError
-        Python has no such function.
+        Python has no such function, or an expression is nested too deep for it.
     """
     text: Callable[[sympy.Expr], str] = printer.doprint  # type: ignore[attr-defined]
 
     def written(expression: sympy.Expr) -> str:
         try:
             line = text(expression)
+            parts = ast.walk(ast.parse(line, mode="eval"))
         except NotImplementedError:  # the printer knows no way to write it
             missing = {type(part).__name__ for part in sympy.preorder_traversal(expression)} - {"Symbol"}
             raise _lacks(model, expression, missing if len(missing) == 1 else set()) from None
-        names = {node.id for node in ast.walk(ast.parse(line, mode="eval")) if isinstance(node, ast.Name)}
+        except (SyntaxError, RecursionError, MemoryError):
+            raise _too_deep(model) from None
+        names = [node for node in parts if isinstance(node, ast.Name)]
+        bound = {node.id for node in names if isinstance(node.ctx, ast.Store)}  # by a sum, say
         own = {text(symbol) for symbol in expression.free_symbols}
-        if missing := names - own - functions.keys() - vars(builtins).keys():
+        if missing := {node.id for node in names} - bound - own - namespace.keys() - vars(builtins).keys():
             raise _lacks(model, expression, missing)
         return line
 
+    namespace = {"builtins": builtins, **functions}
     lines = [f"def function({text(TIME)}, states, inputs, parameters):"]
     for group in ("states", "inputs", "parameters"):
         lines.append(f"    [{', '.join(text(variable.symbol) for variable in getattr(model, group))}] = {group}")
     lines += [f"    {text(term.symbol)} = {written(term.expression)}" for term in terms]
     lines.append(f"    return [{', '.join(map(written, expressions))}]")
-    namespace = dict(functions)
-    exec(compile("\n".join(lines), f"<model {model.name}>", "exec"), namespace)
+    try:
+        exec(compile("\n".join(lines), f"<model {model.name}>", "exec"), namespace)
+    except (SyntaxError, RecursionError, MemoryError):
+        raise _too_deep(model) from None
     function: Callable[..., list[Any]] = namespace["function"]
     return function
+
+
+def _too_deep(model: OdeModel) -> ModelError:
+    return ModelError(
+        f"model {model.name!r}: an expression is nested too deep for Python: give parts of it names, as terms"
+    )
 
 
 def _lacks(model: OdeModel, expression: sympy.Expr, names: Iterable[str]) -> ModelError:

@@ -72,7 +72,7 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
     files["sources/" + c_functions.FILE] = c_functions.header().encode()
     _check_names(model, b"\n".join(content for path, content in files.items() if path.startswith("sources/")).decode())
 
-    table = with_starts(tabulate(model), starts) if starts else tabulate(model)
+    table = with_starts(model, starts) if starts else tabulate(model)
     running = _jacobian(model, table, table.states + table.inputs + (table.time,))
     at_start = _jacobian(model, table, table.parameters[: len(model.reals)])
     functions = (
@@ -105,16 +105,37 @@ def generate(model: OdeModel, fmi: str, starts: Mapping[str, float | str] | None
 def _check_names(model: OdeModel, runtime: str) -> None:
     """Refuse names that the runtime, which is compiled as one unit with the model, has for something of its own.
 
-    The model's symbols are local in C: only a macro takes their place. Items of enumerations are not.
+    The model's symbols are local in C: only a macro takes their place. Items of enumerations have file scope.
     """
-    macros, words = set(re.findall(r"#\s*define (\w+)", runtime)), set(re.findall(r"\w+", runtime))
+    macros, names = _names_of(runtime)
     symbols = [variable.symbol.name for variable in (*model.states, *model.inputs, *model.parameters, *model.terms)]
     items = [f"{enumeration.name}_{item}" for enumeration in model.enumerations for item in enumeration.items]
-    for name in (*sorted(macros.intersection(symbols)), *sorted(words.intersection(items))):
+    for name in (*sorted(macros.intersection(symbols)), *sorted((macros | names).intersection(items))):
         raise ModelError(
             f"model {model.name!r}: the generated C code uses the name {name!r} for something else: "
             f"choose another name{' for the enumeration or its item' if name in items else ''}"
         )
+
+
+_NO_CODE = re.compile(r"""/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'""", re.DOTALL)
+_CPLUSPLUS = re.compile(r"^[ \t]*#[ \t]*ifdef __cplusplus.*?#[ \t]*endif", re.DOTALL | re.MULTILINE)
+_DIRECTIVE = re.compile(r"^[ \t]*#(?:\\\n|.)*", re.MULTILINE)
+_BRACES = re.compile(r"(\benum\b\s*\w*\s*)?\{([^{}]*)\}")
+_ARGUMENTS = re.compile(r"\((?!\s*\*)[^()]*\)")  # but not the name of a pointer to a function
+
+
+def _names_of(code: str) -> tuple[set[str], set[str]]:
+    """Return the macros of C code and its names of file scope: not members, arguments, locals or words of comments."""
+    code = _CPLUSPLUS.sub("", _NO_CODE.sub(" ", code))
+    macros = set(re.findall(r"^[ \t]*#[ \t]*define[ \t]+(\w+)", code, re.MULTILINE))
+    types = set(re.findall(r"\w+_t\b|va_list", code))  # of system headers, wherever they are used
+    code = _DIRECTIVE.sub("", code)
+    # From the innermost ones outwards; the items of an enum have the scope of the enum.
+    while (outer := _BRACES.sub(lambda found: f" {found[2]} " if found[1] else " ", code)) != code:
+        code = outer
+    while (outer := _ARGUMENTS.sub(" ", code)) != code:
+        code = outer
+    return macros, types | set(re.findall(r"\w+", code))
 
 
 @dataclass(frozen=True)

@@ -2,16 +2,16 @@
 
 import itertools
 import math
-import numbers
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
 import sympy
 
 from plants import units
 from plants.errors import ModelError
 from plants.factory.variables import Entry, Item, Table, Unknown
-from plants.ode import TIME, Enumeration, OdeModel, Parameter, State, Variable
+from plants.ode import TIME, Enumeration, OdeModel, Parameter, State, Variable, contradiction, real_number
 
 SOLVER = Enumeration(
     sympy.Symbol("solver", integer=True),
@@ -148,13 +148,13 @@ def tabulate(model: OdeModel) -> Table:
     )
 
 
-def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
-    """Return a table in which variables have other start values.
+def with_starts(model: OdeModel, starts: Mapping[str, float | str]) -> Table:
+    """Return the table of a model's FMU in which variables have other start values.
 
     Parameters
     ----------
-    table
-        The table.
+    model
+        The model.
     starts
         The values, by the names of states and parameters; of an enumeration the item.
 
@@ -163,7 +163,8 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
     ModelError
         There is no such variable, or it cannot have this value.
     """
-    left = dict(starts)
+    table, left = tabulate(model), dict(starts)
+    symbols = {variable.name: variable.symbol for variable in (*model.states, *model.reals)}
 
     def begun(entry: Entry) -> Entry:
         if entry.name not in left:
@@ -174,10 +175,15 @@ def with_starts(table: Table, starts: Mapping[str, float | str]) -> Table:
             if number is None:
                 raise ModelError(f"{entry.name} has no item {value!r}; it has {', '.join(i.name for i in entry.items)}")
             return replace(entry, start=number)
-        is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-        if isinstance(value, str) or not (is_number and math.isfinite(value) and entry.min <= value <= entry.max):
+        try:
+            start = math.nan if np.asarray(value).dtype.kind in "bSU" else real_number(value)
+        except (TypeError, ValueError, OverflowError):
+            start = math.nan
+        if not (math.isfinite(start) and entry.min <= start <= entry.max):
             raise ModelError(f"{entry.name} cannot start at {value!r}; it lies from {entry.min:g} to {entry.max:g}")
-        return replace(entry, start=float(value))
+        if entry.name in symbols and (sign := contradiction(symbols[entry.name], start)):
+            raise ModelError(f"{entry.name} cannot start at {value!r}; its symbol is {sign}")
+        return replace(entry, start=start)
 
     parameters = tuple(map(begun, table.parameters))
     begun_table = replace(

@@ -10,6 +10,8 @@ import subprocess
 import sys
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -352,8 +354,31 @@ def test_start_values_of_ones_own_are_those_of_the_fmu_and_of_its_binary(tmp_pat
         ({"m_c": True}, "m_c cannot start at True"),
         ({"m_c": None}, "m_c cannot start at None"),
         ({"m_c": [1.0]}, r"m_c cannot start at \[1.0\]"),
+        ({"m_c": np.array([1.0])}, r"m_c cannot start at array\(\[1.\]\)"),
+        ({"m_c": np.array("1")}, r"m_c cannot start at array\('1'"),
+        ({"m_c": np.bool_(True)}, r"m_c cannot start at "),
+        ({"m_c": b"1"}, "m_c cannot start at b'1'"),
+        ({"m_c": 1j}, "m_c cannot start at 1j"),
+        ({"m_c": np.complex128(1)}, "m_c cannot start at "),
     ],
 )
 def test_a_start_value_that_does_not_fit_is_refused(starts: dict[str, float | str], why: str) -> None:
     with pytest.raises(plants.ModelError, match=why):
         plants.build("car_like", starts=starts)
+
+
+@pytest.mark.parametrize(
+    "value", [np.array(1.5), np.float32(1.5), Decimal("1.5"), Fraction(3, 2), sympy.Rational(3, 2), sympy.sqrt(9) / 2]
+)
+def test_a_start_value_may_be_a_number_of_any_kind(value: Any) -> None:
+    assert generate(spring(), "2.0", {"s": value}) == generate(spring(), "2.0", {"s": 1.5})
+    assert State(s, "m", "", start=value).start == 1.5
+
+
+def test_a_start_value_cannot_contradict_the_assumptions_of_its_symbol() -> None:
+    """SymPy takes |v| for v where v is positive. Zero is usual, at rest."""
+    v = sympy.Symbol("v", positive=True)
+    model = OdeModel("assumed", "", (State(v, "m/s", ""),), (-abs(v),))
+    assert generate(model, "2.0", {"v": 0.0})
+    with pytest.raises(plants.ModelError, match=r"v cannot start at -1\.0; its symbol is not negative"):
+        generate(model, "2.0", {"v": -1.0})

@@ -1,5 +1,7 @@
 """The generated C against NumPy, expression by expression; refusals; the description."""
 
+import functools
+import itertools
 import math
 import random
 from collections.abc import Callable
@@ -13,7 +15,7 @@ import sympy
 from lxml import etree
 
 import plants
-from plants import ModelError, numeric
+from plants import ModelError, logarithms, numeric
 from plants.factory.document import document
 from plants.factory.generate import generate
 from plants.factory.table import tabulate
@@ -117,6 +119,31 @@ def test_mod_is_that_of_python_where_a_quotient_is_rounded(load: Callable) -> No
         expected = np.array([point % 0.1, point % -0.1, 0.4 % point if point else math.nan])
         assert found[:2].tobytes() == expected[:2].tobytes()
         np.testing.assert_equal(found, expected)
+    instance.free()
+
+
+def test_the_largest_of_many_has_the_same_bits_in_any_order_of_calls(load: Callable) -> None:
+    """Of equal ones it is the last, and a number where another is NaN."""
+    inputs = sympy.symbols("a b c d", real=True)
+    items = [symbol * sympy.sqrt(symbol + 1) for symbol in inputs]  # NaN below -1
+    largest, smallest = sympy.Max(*items), sympy.Min(*items)
+    model = model_of(largest, smallest, inputs=tuple(Input(symbol, "1", "") for symbol in inputs))
+    fmu, functions = load(model), numeric.compile(model)
+    instance = Instance(fmu.library, "co_simulation").start()
+    for values in itertools.product((-2.0, 0.0, -0.0, 1.0), repeat=4):
+        named = dict(zip("abcd", values, strict=True))
+        instance.set({fmu[name]: value for name, value in named.items()})
+        found = np.array(instance.get(fmu["y0"], fmu["y1"]))
+        with np.errstate(invalid="ignore"):
+            computed = functions.outputs(0.0, functions.start(), functions.inputs(**named), functions.parameters())
+        expected = []
+        for expression, pair in ((largest, logarithms.larger), (smallest, logarithms.smaller)):
+            given = [named[str(*item.free_symbols)] for item in expression.args]
+            results = [value * math.sqrt(value + 1) if value > -1 else math.nan for value in given]
+            expected.append(functools.reduce(pair, results))
+        assert np.array_equal(found, expected, equal_nan=True)
+        assert np.array_equal(found, computed, equal_nan=True)
+        assert (np.signbit(found) == np.signbit(expected))[~np.isnan(found)].all()
     instance.free()
 
 
@@ -372,11 +399,23 @@ def test_an_enumeration_whose_items_make_a_reserved_name() -> None:
         model_of(parameters=(Parameter(k, "1", ""), n, drive))
 
 
-@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t")])
+@pytest.mark.parametrize(("enumeration", "item"), [("LOG", "ALL"), ("OFFERS", "STATES"), ("size", "t"), ("va", "list")])
 def test_an_enumeration_whose_items_make_a_name_of_the_runtime(enumeration: str, item: str) -> None:
     made = Enumeration(sympy.Symbol(enumeration), {item: ""}, "")
     with pytest.raises(ModelError, match=f"the generated C code uses the name '{enumeration}_{item}' for something"):
         generate(model_of(parameters=(Parameter(k, "1", ""), n, made)), "3.0")
+
+
+def test_names_of_locals_members_and_comments_of_the_runtime_are_free(load: Callable) -> None:
+    """There: locals `q_low` and `is_left`, an argument `n_knowns`, a member `has_error`, a text "#define and"."""
+    words = {"q": ("low", "rest"), "is": ("left",), "n": ("knowns",), "has": ("error",)}
+    made = [Enumeration(sympy.Symbol(name), dict.fromkeys(items, ""), "") for name, items in words.items()]
+    named = Parameter(sympy.Symbol("and"), "1", "", start=3.0)
+    expression = made[0].select(low=named.symbol * x, rest=-x)
+    model = model_of(expression, parameters=(Parameter(k, "1", ""), named, *made))
+    values = assert_equal(model, load(model), [{"q": 1}, {"q": 2}])
+    assert values[:, 0].tolist() == [3 * 0.4, -0.4]
+    assert generate(model, "3.0")
 
 
 @pytest.mark.parametrize(("name", "fmi"), [("INTERFACES", "2.0"), ("VARIABLES_H", "3.0"), ("fmi2True", "2.0")])

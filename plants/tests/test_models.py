@@ -127,9 +127,11 @@ def test_wrong_statements_are_refused_by_name(state: Callable[[], object], messa
 @pytest.mark.parametrize(
     ("assumptions", "start", "told"),
     [
-        ({"positive": True}, -1.0, "is positive"),
-        ({"positive": True}, 0.0, "is positive"),
+        ({"positive": True}, -1.0, "is not negative"),
+        ({"positive": True}, 0.0, ""),
+        ({"negative": True}, 0.0, ""),
         ({"positive": False, "real": True}, 2.0, "is not positive"),
+        ({"positive": False, "real": True}, -2.0, ""),
         ({"nonnegative": True}, -1.0, "is not negative"),
         ({"negative": True}, 1.0, "is not positive"),
         ({"nonnegative": True}, 0.0, ""),
@@ -199,6 +201,20 @@ def test_a_parameter_in_another_unit_is_converted_in_a_term() -> None:
     assert sympy.simplify(stated.expand(stated.derivatives[2]) - expected) == 0
 
 
+def test_a_parameter_in_another_unit_may_be_converted_in_a_matrix() -> None:
+    m, load, share, slope, per_g = sympy.symbols("m load share slope per_g", real=True)
+    given = {m: "g", load: "g", share: "%", slope: "deg", per_g: "kg/g"}
+    stated = replace(
+        pendulum_on_wheels(),
+        parameters=tuple(Parameter(symbol, unit, "", start=1.0) for symbol, unit in given.items()),
+        M1=sympy.diag((m + load) / 1000, per_g * load),
+        B1=sympy.Matrix([share / 100 * m / (m + load) * sympy.cos(slope * sympy.pi / 180), 0]),
+    ).ode()
+    numbers = dict.fromkeys(given, 0) | {m: 1000, load: 3000, share: 50, slope: 60}
+    tau = sympy.Symbol("tau", real=True)
+    assert stated.expand(stated.derivatives[2]).subs({**numbers, tau: 64, stated.inputs[1].symbol: 0}) == 1
+
+
 def test_terminals_of_a_nonholonomic_system() -> None:
     terminals = {t.name: [s.name for s in t.symbols] for t in pendulum_on_wheels().ode().terminals}
     assert terminals == {"pose": ["x", "y"], "velocity": ["v"], "torque": ["tau"], "disturbance": ["d_x", "d_y"]}
@@ -239,7 +255,15 @@ def test_nonholonomic_with_one_velocity() -> None:
         ({"M1": None}, "M1 is None, it must be a matrix of SymPy"),
         (
             {"parameters": (Parameter(sympy.Symbol("m", real=True), "g", "", start=1.0),)},
-            "m is in g, but the derivation computes in SI units: state it in kg or convert it in a term",
+            "m is in g, but M1 uses it as it stands, and the derivation computes in SI units: state it in kg, or",
+        ),
+        (
+            {
+                "parameters": (Parameter(c, "deg", "", start=1.0),),
+                "M1": sympy.eye(2),
+                "B1": sympy.Matrix([sympy.cos(c), 0]),
+            },
+            "c is in deg, but B1 uses it as it stands",
         ),
         (
             {"velocities": (State(sympy.Symbol("v", real=True), "km/h", ""),)},

@@ -8,7 +8,7 @@ import sympy
 from sympy.codegen.cfunctions import exp2, fma
 
 import plants
-from plants import ModelError, numeric
+from plants import ModelError, elementary, numeric
 from plants.factory.experiment import _Equations
 from plants.numeric import NumericModel
 from plants.ode import Input, OdeModel, Output, Parameter, State, Term
@@ -224,6 +224,24 @@ def test_the_largest_of_many_is_that_of_pairs(derivative: sympy.Expr, expected: 
 def test_the_largest_number_is_one_where_another_is_none() -> None:
     f = numeric.compile(of_one_state(sympy.Max(s, sympy.log(-s)) + sympy.Min(-3, sympy.log(-s), s)))
     assert f.rhs(0.0, f.start(), f.inputs(), f.parameters()) == [S - 3]  # fmax and fmin of C
+
+
+def test_the_largest_of_hundreds_is_computed() -> None:
+    f = numeric.compile(of_one_state(sympy.Max(*(sympy.sin(k * s) for k in range(1, 251)), evaluate=False)))
+    assert f.rhs(0.0, f.start(), f.inputs(), f.parameters()) == max(elementary.sin(k * S) for k in range(1, 251))
+
+
+def test_an_expression_that_is_nested_too_deep_is_refused() -> None:
+    deep = s
+    for _ in range(210):
+        deep = sympy.Pow(sympy.Add(1, deep, evaluate=False), 2.5, evaluate=False)
+    with pytest.raises(ModelError, match="model 'named': an expression is nested too deep for Python: give parts of"):
+        numeric.compile(of_one_state(deep))
+
+
+def test_the_variable_of_a_sum_is_no_symbol_of_the_model() -> None:
+    i = sympy.Symbol("i", integer=True)
+    assert rates(of_one_state(a * sympy.Sum(s * i, (i, 1, 3)))) == [A * 6 * S] * 4
 
 
 @pytest.mark.parametrize(
