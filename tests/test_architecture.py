@@ -73,7 +73,6 @@ def test_rooms(room: str, forbidden: tuple[str, ...]) -> None:
                 "master/robot.py",
                 "master/robots.py",
                 "master/setup.py",
-                "master/teams.py",
                 "master/ticks.py",
                 "master/wiring.py",
                 "signals/trajectory.py",
