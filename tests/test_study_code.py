@@ -17,7 +17,7 @@ from cosim.studies.crew import Crew
 from cosim.studies.engine import Workers
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
-from cosim.studies.row import PASSED
+from cosim.studies.row import BROKEN, PASSED
 from cosim.studies.study import Study
 from cosim.studies.task import Task
 from cosim.studies.worker_process import Processes
@@ -83,7 +83,7 @@ def test_a_law_that_a_value_names_makes_its_runs_anew_if_it_was_edited(tmp_path:
     law = '<controller id="pid" name="mine" package="my-law" version="==1.0"/>'
     base.write_text(re.sub("(?s)<controller.*?</controller>", law, base.read_text("utf-8")), "utf-8")
     made = []
-    for text in (OTHER, OTHER.replace("5.0", "9.0")):
+    for text in (OTHER, OTHER.replace("5.0", "11.25")):  # another length: Python's own cache goes by it and by seconds
         elsewhere.write_text(text)
         install(LAW)
         sys.modules.pop("my_other", None)
@@ -92,6 +92,33 @@ def test_a_law_that_a_value_names_makes_its_runs_anew_if_it_was_edited(tmp_path:
     assert [outcome.made for outcome in made] == [2, 1]
     assert made[0].rows[0] == made[1].rows[0]
     assert made[0].rows[1].measures != made[1].rows[1].measures
+
+
+def test_a_law_that_a_value_names_counts_though_it_needs_other_values_of_its_run(
+    tmp_path: Path, install: Install
+) -> None:
+    """The law alone is refused with the gain of the scenario."""
+    limited = LAW.replace("above=0)", "above=0, below=1)")
+    assert limited != LAW
+    about = next((tmp_path / "site").glob("*.dist-info")) / "entry_points.txt"
+    about.write_text("[formation.controllers]\nmine = my_law:MyLaw\nother = my_other:MyLaw\n")
+    elsewhere = tmp_path / "site" / "my_other.py"
+    vary = """<vary name="law" select="controller/@name"><list values="mine, other"/></vary>
+  <vary name="K" select="controller/gain/@value"><list values="0.5, 2"/></vary>"""
+    path = write_study(tmp_path, vary, '<sample method="grid"/>')
+    base = tmp_path / "base.xml"
+    law = '<controller id="pid" name="mine" package="my-law" version="==1.0"><gain name="K" value="5"/></controller>'
+    base.write_text(re.sub("(?s)<controller.*?</controller>", law, base.read_text("utf-8")), "utf-8")
+    made = []
+    for text in (limited, limited.replace("np.zeros((len(pose), 2))", "np.full((len(pose), 2), 5.0)")):
+        elsewhere.write_text(text)
+        install(LAW)
+        sys.modules.pop("my_other", None)
+        made.append(conduct(read_study(path), tmp_path, workers=0))
+    sys.modules.pop("my_other", None)
+    assert [row.status for row in made[0].rows] == [PASSED, PASSED, PASSED, BROKEN], made[0].rows[2].message
+    assert [outcome.made for outcome in made] == [4, 1], "what cannot begin is not tried again"
+    assert made[0].rows[2].measures != made[1].rows[2].measures
 
 
 @pytest.mark.parametrize("package", ["cosim", "plants", "formation_controllers"])

@@ -111,15 +111,14 @@ def _understood(fmu: Fmu, setting: Setting, way_out: str) -> ParameterValue | No
 
 
 def _check_beside_constant(bound: BoundRole | None, setting: Setting) -> None:
-    """Refuse a value of a parameter of the FMU that has the name of a role for which the binding states another."""
-    if bound is None or bound.played_by is not None:
+    """Refuse a quantity for a parameter of the FMU that has the name of a role of which the binding states another."""
+    if bound is None or bound.played_by is not None or not bound.role.unit:
         return
-    try:
-        check_constant(bound.role, bound.constant, setting.value)
-    except UnitError:
-        return  # it is something else
-    except ValueError as error:
-        raise InputError(f"parameter {setting.name}: {error}", setting.where) from None
+    with suppress(ValueError, UnitError):  # of another dimension, it is something else
+        value, stated = quantity(setting.value, bound.role.unit), float(bound.constant or 0.0)
+        if not math.isclose(value, stated, rel_tol=1e-12):
+            said = f"{setting.value!r} contradicts the binding, which states {stated:g} {bound.role.unit}"
+            raise InputError(f"parameter {setting.name}: {said}", setting.where)
 
 
 def check_not_initial(fmu: Fmu, variable: Variable, where: Location) -> None:

@@ -213,10 +213,11 @@ def _beside_true(values: Table[Number, Sampled]) -> Iterator[tuple[Number, Sampl
     for number, one in values.items():
         if not number.signal.startswith("measured_") or number.unit != "rad":
             continue
-        off = one.values - true.get((number.row, number.component), np.nan)
-        common = off[np.isfinite(off)]
-        if len(common) and (turns := np.round(common[0] / _TURN)):
-            yield number, replace(one, values=one.values - _TURN * turns)
+        off = one.values - true.get((number.row, number.component), np.full(len(one.values), np.nan))
+        known = np.flatnonzero(np.isfinite(off))
+        if len(known):
+            last = known[np.maximum(np.searchsorted(known, np.arange(len(off)), side="right") - 1, 0)]
+            yield number, replace(one, values=one.values - _TURN * np.round(off[last] / _TURN))
 
 
 def _pose_entry(setup: Setup, number: Number) -> float | None:

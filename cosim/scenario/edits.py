@@ -18,12 +18,11 @@ from lxml import etree
 
 from cosim.clock import ROUNDING
 from cosim.errors import InputError, nearest, shown
-from cosim.quantity import quantity, spelled, split
+from cosim.quantity import quantity
 from cosim.scenario.tree_edits import take_out
 from cosim.scenario.xml_tree import NOT_XML
 from cosim.scenario.xpath_advice import unclosed
 from cosim.scenario.xpath_selection import assign, evaluated, selected_or_added
-from plants import UnitError, units
 
 Change = Callable[[etree._Element], None]
 
@@ -220,26 +219,15 @@ def _set_horizon(root: etree._Element, horizon: str) -> None:
     begin = "//*[@at or @from][not(self::waypoint or ancestor::expect)]"
     begins = ((element, _seconds(element.get("at", element.get("from")))) for element in root.xpath(begin))
     later = dict.fromkeys(element for element, time in begins if time > end + ROUNDING)  # in the order of the text
+    for given in root.iter("input"):
+        signals = given.findall("*")
+        if signals and all(signal in later for signal in signals):  # without any, an FMU would keep its start value
+            given.set("later", "yes")
+            for signal in signals:
+                del later[signal]
     _keep_streams(root, later)
     for element in later:
-        given = element.getparent()
-        assert given is not None
-        if given.tag == "input" and len(given) == 1 and (zero := _nothing(element)):
-            given[0] = etree.Element("constant", {"value": zero})  # without any, an FMU would keep its start value
-        else:
-            take_out(element)
-    for given in root.xpath("//input[not(@value or *)]"):
-        take_out(given)
-
-
-def _nothing(signal: etree._Element) -> str:
-    """Return what an input of numbers is where a signal does not act; empty for a signal of anything else."""
-    try:
-        _, unit = split(signal.get("value", ""))
-        units.parse(unit)
-    except (ValueError, UnitError):
-        return ""
-    return spelled(0.0, unit)
+        take_out(element)
 
 
 def _keep_streams(root: etree._Element, gone: Collection[etree._Element]) -> None:

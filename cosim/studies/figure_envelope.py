@@ -71,6 +71,16 @@ def _heading(bundle: Bundle) -> str:
     return "; ".join(parts)
 
 
+def _drawn(bundle: Bundle) -> NDArray[np.float64]:
+    """Return the values (runs, R, T, entries), with straight lines between the instants that a run has."""
+    values, time = bundle.values.astype(np.float64), bundle.envelope.times
+    gaps = np.isnan(values)
+    for run, robot, entry in np.argwhere(gaps.any(axis=2) & ~gaps.all(axis=2)):
+        course, lacks = values[run, robot, :, entry], gaps[run, robot, :, entry]
+        course[lacks] = np.interp(time[lacks], time[~lacks], course[~lacks], left=np.nan, right=np.nan)
+    return values
+
+
 # Paths --------------------------------------------------------------------------------------------------------
 
 
@@ -78,7 +88,7 @@ def _draw_paths(part: SubFigure, bundle: Bundle) -> None:
     panel = part.subplots()
     colours = _colours(bundle.robots)
     for row, robot in enumerate(bundle.robots):
-        places = bundle.values[:, row].astype(np.float64)  # (runs, T, 2)
+        places = _drawn(bundle)[:, row]  # (runs, T, 2)
         colour = colours[robot]
         for share, opacity in ((1.0, _OUTER), (WITHIN, _INNER)):
             panel.add_patch(PathPatch(swept(places, share), facecolor=colour, alpha=opacity, linewidth=0))
@@ -156,7 +166,9 @@ def _median(places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _draw_over_time(part: SubFigure, bundle: Bundle) -> None:
-    values = bundle.values[..., 0].astype(np.float64)  # (runs, R, T)
+    values = _drawn(bundle)[..., 0]  # (runs, R, T)
+    there = np.isfinite(values).any(axis=(0, 1))
+    time, values = bundle.envelope.times[there], values[..., there]
     low, high = _quantiles(values)
     shown = _most_different(low, high)
     rows = -(-len(shown) // _ACROSS)
@@ -164,7 +176,7 @@ def _draw_over_time(part: SubFigure, bundle: Bundle) -> None:
     for panel in panels.flat[len(shown) :]:
         panel.axis("off")
     for panel, row in zip(panels.flat, shown, strict=False):
-        _draw_band(panel, bundle, values[:, row], low[row], high[row])
+        _draw_band(panel, bundle, time, values[:, row], low[row], high[row])
         panel.set_title(printable(bundle.robots[row]), fontsize="small", loc="left", parse_math=False)
     for panel in panels[:, 0]:
         panel.set_ylabel(printable(bundle.envelope.text), parse_math=False)
@@ -175,9 +187,14 @@ def _draw_over_time(part: SubFigure, bundle: Bundle) -> None:
 
 
 def _draw_band(
-    panel: Axes, bundle: Bundle, values: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+    panel: Axes,
+    bundle: Bundle,
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
 ) -> None:
-    time, colour = bundle.envelope.times, COLOURS[0]
+    colour = COLOURS[0]
     panel.fill_between(time, np.nanmin(values, axis=0), np.nanmax(values, axis=0), color=colour, alpha=_OUTER, lw=0)
     panel.fill_between(time, low, high, color=colour, alpha=_INNER, linewidth=0)
     panel.plot(time, _median(values), color=colour, linewidth=1.2)

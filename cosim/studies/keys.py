@@ -81,7 +81,7 @@ class RunKeys:
         self.scenarios: dict[tuple[int, ...], str] = {}
         self.code: dict[str, str] = {}
         self._contents: dict[Path, str] = {}
-        self._edited: dict[tuple[tuple[int, ...], tuple[str, ...]], str] = {}
+        self._edited: dict[tuple[tuple[int, ...], tuple[str, ...]], tuple[str, str]] = {}
 
     def add(self, cases: tuple[int, ...], setup: Setup) -> None:
         """Add the scenario of some cases, which is set up."""
@@ -105,24 +105,31 @@ class RunKeys:
             if tag not in (None, "compare", "controller"):
                 yield f"file {self._content(self._study.bases[run.cases].folder / value)}"
         if edits:
-            yield f"edited {self._of_edited(run.cases, tuple(edits))}"
+            yield f"edited {self._of_edited(run.cases, tuple(edits), run.changes)}"
 
     def _content(self, file: Path) -> str:
         if file not in self._contents:
             self._contents[file] = checksum(file)
         return self._contents[file]
 
-    def _of_edited(self, cases: tuple[int, ...], edits: tuple[str, ...]) -> str:
+    def _of_edited(self, cases: tuple[int, ...], edits: tuple[str, ...], changes: tuple[str, ...]) -> str:
+        """Return the checksum of a scenario with edits, or with all changes of a run if they make no sense alone."""
+        key, error = self._known(cases, edits)
+        if error:
+            key, error = self._known(cases, changes)
+        return key or error  # which breaks its runs, until it is mended
+
+    def _known(self, cases: tuple[int, ...], edits: tuple[str, ...]) -> tuple[str, str]:
+        """Return the checksum of an edited scenario, or why there is none."""
         if (cases, edits) not in self._edited:
             try:
                 with ExitStack() as cleanup:
                     scenario = self._study.bases[cases].edited(edits)
                     setup = set_up(scenario, cleanup, {})
-                    key = key_of_scenario(scenario, setup)
+                    self._edited[cases, edits] = key_of_scenario(scenario, setup), ""
                     self.code |= code_of(setup)
-            except InputError as error:  # which breaks its runs, until it is mended
-                key = str(error)
-            self._edited[cases, edits] = key
+            except InputError as error:
+                self._edited[cases, edits] = "", str(error)
         return self._edited[cases, edits]
 
 

@@ -8,6 +8,7 @@ differ in the last bit.
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -103,11 +104,13 @@ def _same(one: str, other: str) -> bool:
 
 
 def _meant(text: str) -> object:
-    """Return a quantity as a number in SI units with its dimension; any other text as it is."""
+    """Return a whole number, or a number with a unit in SI units with its dimension; any other text as it is."""
+    if re.fullmatch(r"[+-]?[0-9]{1,30}", text):
+        return int(text)
     try:
         number, unit = split(text)
         parsed = units.parse(unit)
-        return float(f"{number * parsed.factor:.10g}"), parsed.exponents
+        return (float(f"{number * parsed.factor:.15g}"), parsed.exponents) if unit.strip("0123456789. ") else text
     except (ValueError, UnitError):
         return text
 

@@ -51,15 +51,17 @@ def test_a_shortened_run_is_the_beginning_of_the_run(eventful: Path) -> None:
 
 
 def test_an_input_whose_signals_begin_later_is_zero_until_then(tmp_path: Path, make: Callable[..., Path]) -> None:
-    """It does not have the FMU's own start value, which is 1 here."""
+    """It does not have the FMU's own start value, which is 1 for the gear; a switch has it, which is on."""
     plant = f'<plant id="car" fmu="{make(discrete=True)}"/>'
-    gear = '<input name="gear"><step value="2" at="0.4 s"/></input>'
+    gear = '<input name="gear"><!-- later --><step value="2" at="0.4 s"/></input>'
+    gear += '<input name="enable"><step value="0" at="0.4 s"/></input>'
     path = scenario(tmp_path / "s.xml", plant, horizon="0.8 s")
     path.write_text(path.read_text("utf-8").replace("<leader", f"{gear}<leader"), "utf-8")
     longer = read_scenario(path)
     shorter = longer.edited(horizon=0.2)
-    assert '<constant value="0"/>' in shorter.text
-    short, driven = cosim.run(shorter), cosim.run(shorter.edited(["//constant/@value=1"]))
+    assert shorter.text.count('later="yes"') == 2
+    in_gear = ["//input[@name='gear']/step/@at=0 s", "//input[@name='gear']/step/@value=1"]
+    short, driven = cosim.run(shorter), cosim.run(shorter.edited(in_gear))
     xr.testing.assert_equal(short, cosim.run(longer).isel(time=slice(11)))
     still, moving = (float(abs(result["velocity"].sel(velocity_component="v")).max()) for result in (short, driven))
     assert still == 0.0 < moving
@@ -93,7 +95,8 @@ def test_noise_behind_what_is_left_out_stays_the_same(tmp_path: Path) -> None:
     longer = read_scenario(path).edited(horizon=0.8, expectations=False)
     shorter = longer.edited(horizon=0.4)
     assert [wave.get("stream") for wave in shorter.inputs[0].waves] == ["1"]
-    assert [wave.get("stream") for wave in shorter.followers[2].inputs[0].waves] == ["2"]
+    own = shorter.followers[2].inputs[0].waves  # before it, a pulse that is all of its input has stayed
+    assert [wave.get("stream") for wave in own] == [""]
     assert [effect.get("stream") for effect in shorter.followers[2].sensor] == ["1"]
     short, long = cosim.run(shorter), cosim.run(longer)
     xr.testing.assert_equal(short.isel(time=slice(20)), long.isel(time=slice(20)))
@@ -108,7 +111,7 @@ def test_what_begins_later_is_left_out(eventful: Path) -> None:
     assert [event.time for event in scenario.events] == [0.3]
     assert [(given.name, [wave.kind for wave in given.waves]) for given in scenario.inputs] == [
         ("tau_d_x", ["sine", "step"]),
-        ("tau_d_y", ["constant"]),
+        ("tau_d_y", ["pulse"]),
     ]
     assert {effect.kind for effect in scenario.followers[0].sensor} == {"noise", "dropout"}
     assert [follower.changes for follower in scenario.followers] == [()] * 4

@@ -203,6 +203,8 @@ def test_a_parameter_beside_a_constant_of_the_same_name_has_its_value(car: Path)
         assert value.value == 1.5
         with pytest.raises(InputError, match=r"parameter a: '1\.3 m' contradicts the binding"):
             understand(opened, [setting("a", "1.3 m")])
+        with pytest.raises(InputError, match="the unit is missing"):
+            understand(opened, [setting("a", "1.3")])
 
 
 def test_an_enumeration_is_set_by_the_role_that_it_plays(car: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from cosim.results.result import Result
 from cosim.studies.bundles import Bundle, _less
 from cosim.studies.conduct import StudyOutcome, check_study, conduct
 from cosim.studies.courses import Envelope
-from cosim.studies.figure_envelope import draw, picture, swept
+from cosim.studies.figure_envelope import _drawn, draw, picture, swept
 from cosim.studies.plan import Plan
 from cosim.studies.reader import read_study
 from cosim.studies.store import FILE, Store
@@ -209,6 +209,8 @@ def test_a_run_of_another_step_has_its_own_instants_alone(tmp_path: Path) -> Non
     fine, coarse = bundle.values[:, 0, :, 0]
     assert np.isfinite(fine).all()
     assert np.isfinite(coarse).tolist() == [True, False] * 5 + [True]
+    drawn = _drawn(bundle)[1, 0, :, 0]
+    assert drawn[1::2] == pytest.approx(0.5 * (coarse[:-2:2] + coarse[2::2]))
     result = cosim.run(tmp_path / "base.xml", ["simulation/@step=40 ms"])["range_error"][:, 0]
     assert coarse[::2] == pytest.approx(1000.0 * result.values, rel=1e-6)
 

@@ -165,6 +165,8 @@ BAD_VALUES = {
     "twice": ('<list values="1 m, 1 m"/>', "'1 m' is given twice"),
     "twice in other words": ('<list values="1 m, 2 m, 100 cm"/>', "'1 m' and '100 cm' are the same value"),
     "a seed twice": ('<list values="1, 01"/>', "'1' and '01' are the same value"),
+    "a great seed twice": ('<list values="12345678901, 12345678902, +12345678901"/>', "'12345678901' and "),
+    "not the same": ('<list values="30 kg, 30.0000000001 kg, 0.5, 0.5 1, 0.50, a, a"/>', "'a' is given twice"),
     "ends": ('<uniform from="2 m" to="1 m"/>', "is greater than to="),
     "units": ('<uniform from="2 m" to="3 kg"/>', "does not fit"),
     "logarithm": ('<log_uniform from="0 m" to="1 m"/>', "no logarithm"),

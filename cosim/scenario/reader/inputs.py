@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
+from dataclasses import replace
 
 from cosim.scenario.reader.element import Element
 from cosim.scenario.reader.times import Times
@@ -16,6 +18,7 @@ def inputs(elements: Iterable[Element], times: Times) -> tuple[InputSource, ...]
 
 
 def _input(element: Element, times: Times) -> InputSource:
+    times = replace(times, ticks=sys.maxsize) if "later" in element else times
     waves = tuple(_wave(wave, times) for wave in element.inside)
     if bool(waves) == ("value" in element):
         raise element.error('an <input> takes either value="..." or signals within it')
