@@ -80,7 +80,8 @@ class HeldFolder(Closing):
     Parameters
     ----------
     path
-        The folder, which is made if it does not exist, and removed in the end if it holds no checkpoint.
+        The folder, which is made if it does not exist, and removed in the end if it holds no checkpoint; so is the one
+        that it is in, if that was made for it and holds nothing.
 
     Raises
     ------
@@ -92,6 +93,7 @@ class HeldFolder(Closing):
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._made = not path.parent.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
             self._file = FileIO(path / _LOCK, "a")
@@ -111,6 +113,8 @@ class HeldFolder(Closing):
             with suppress(OSError):
                 (self.path / _LOCK).unlink()
                 self.path.rmdir()
+                if self._made:  # for a run that was refused before it began
+                    self.path.parent.rmdir()
         self._file.close()
 
     def _clear(self) -> None:

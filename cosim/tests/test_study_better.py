@@ -292,7 +292,6 @@ def test_laws_are_compared_on_values_of_their_own(tmp_path: Path) -> None:
         '<log_uniform from="30 kg" to="30 kg"/>',
         '<uniform from="30 kg" to="30.0000000001 kg"/>',
         '<grid from="30 kg" to="30 kg" points="4"/>',
-        '<list values="30 kg, 30.0 kg, 30000 g"/>',
     ],
 )
 def test_values_without_spread_are_no_draws(tmp_path: Path, text: str, values: str) -> None:
