@@ -115,9 +115,7 @@ def _check_beside_constant(bound: BoundRole | None, setting: Setting) -> None:
     if bound is None or bound.played_by is not None or not bound.role.unit:
         return
     with suppress(ValueError, UnitError):  # of another dimension, it is something else
-        value, stated = quantity(setting.value, bound.role.unit), float(bound.constant or 0.0)
-        if not math.isclose(value, stated, rel_tol=1e-12):
-            said = f"{setting.value!r} contradicts the binding, which states {stated:g} {bound.role.unit}"
+        if said := _contradiction(bound.role, bound.constant, setting.value):
             raise InputError(f"parameter {setting.name}: {said}", setting.where)
 
 
@@ -146,12 +144,17 @@ def check_constant(role: Role, constant: float | str | None, text: str) -> None:
     ValueError
         It is another one, or does not fit.
     """
+    if said := _contradiction(role, constant, text):
+        raise ValueError(said)
+
+
+def _contradiction(role: Role, constant: float | str | None, text: str) -> str:
+    """Say that a value of a role is not the constant one; nothing if it is. Raises ValueError if it does not fit."""
     same = (
         math.isclose(quantity(text, role.unit), float(constant or 0), rel_tol=1e-12) if role.unit else text == constant
     )
-    if not same:
-        said = f"{constant:g} {role.unit}" if isinstance(constant, float) else constant
-        raise ValueError(f"{text!r} contradicts the binding, which states {said}")
+    stated = f"{constant:g} {role.unit}" if isinstance(constant, float) else constant
+    return "" if same else f"{text!r} contradicts the binding, which states {stated}"
 
 
 def _geometry_role(fmu: Fmu, name: str) -> BoundRole | None:

@@ -247,9 +247,9 @@ class SupervisedRun(Closing):
                 self._nonsense = True
                 self._kill()
         self._recorder.recorded = min(self._tick + 1, self.scenario.ticks + 1)
-        time = max(self._tick, 0) * self.scenario.step  # before the first step none has been recorded
+        at = max(self._tick, 0) * self.scenario.step  # before the first step none has been recorded
         if signals.received:
-            return interruption(time)
+            return interruption(at)
         index = int(self._activity.current[0])
         if 0 <= index < len(self._fleet.members):
             spec = self._fleet.members[index].spec
@@ -257,7 +257,7 @@ class SupervisedRun(Closing):
         else:
             files = dict.fromkeys(member.spec.file for member in self._fleet.members)
             robot, what = "a plant", f"the process that runs {', '.join(files)} has ended"
-        return Failure(robot, time, "", f"{what}{self._how()}{self._last_words()}")
+        return Failure(robot, at, "", f"{what}{self._how()}{self._last_words()}")
 
     def _check_known(self, kind: Told, body: dict[str, Any]) -> None:
         """Raise what nobody foresaw in the process."""

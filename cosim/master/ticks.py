@@ -249,7 +249,7 @@ class Ticks:
                 now.velocity[1:],
                 told,
                 acceleration,
-                fc.Desired(*(np.ascontiguousarray(part[team.place]) for part in desired)),
+                fc.Desired(*(part[team.place] for part in desired)),
             )
         for team in self._teams:
             now.command[team.commands] = team.step(tick * self._scenario.step, first=tick == 0)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from cosim.plant.failures import COMPLETE, FAILURES
 from cosim.plant.log import Log
 from cosim.plant.message import KEPT_AT_ONCE, MAX_CATEGORY, MAX_LENGTH, Message
 from cosim.shared_memory import shared
@@ -25,7 +26,7 @@ class Doing(IntEnum):
 
 
 UNDONE = {
-    Doing.STEP: "did not complete the step",
+    Doing.STEP: FAILURES[COMPLETE],
     Doing.CHANGE: "did not change its parameters",
     Doing.SAVE: "did not save its state",
 }

@@ -86,9 +86,9 @@ def _drawn(bundle: Bundle) -> NDArray[np.float64]:
 
 def _draw_paths(part: SubFigure, bundle: Bundle) -> None:
     panel = part.subplots()
-    colours = _colours(bundle.robots)
+    colours, drawn = _colours(bundle.robots), _drawn(bundle)
     for row, robot in enumerate(bundle.robots):
-        places = _drawn(bundle)[:, row]  # (runs, T, 2)
+        places = drawn[:, row]  # (runs, T, 2)
         colour = colours[robot]
         for share, opacity in ((1.0, _OUTER), (WITHIN, _INNER)):
             panel.add_patch(PathPatch(swept(places, share), facecolor=colour, alpha=opacity, linewidth=0))
