@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import formation_controllers as fc
 import numpy as np
@@ -30,7 +31,7 @@ class LeaderView:
     leader_kind: Kind
     leader: Vehicle
 
-    @property
+    @cached_property
     def alike(self) -> bool:
         """Whether a follower reads the leader's pose by its own geometry as the leader itself would."""
         own, its = self.vehicle, self.leader

@@ -177,13 +177,6 @@ class Team(ABC):
             The controller refuses it.
         """
 
-    def _seen(self, leader: NDArray[np.float64], acceleration: NDArray[np.float64] | None) -> fc.Leader:
-        """Return the leader as the followers see it."""
-        if self.alike:
-            entries = len(self.leader.pose)
-            return fc.Leader(leader[:entries], leader[entries:], acceleration)
-        return self.view.seen(leader, acceleration)
-
     def _failure(self, row: int | None, said: str, time: float, variable: str = "") -> SimulationError:
         robot = self.robots[row] if row is not None else " and ".join(self.robots)
         return SimulationError(robot, time, f"the controller {self.law.source.name!r} {said}", variable)

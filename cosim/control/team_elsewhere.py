@@ -64,7 +64,7 @@ class TeamElsewhere(Team):
         desired: fc.Desired,
     ) -> None:
         """Give the law what it gets at a tick; see `Team.give`."""
-        seen = self._seen(leader, acceleration)
+        seen = self.view.seen(leader, acceleration)
         given = (
             pose[self.poses],
             velocity[self.velocities] if self.measured else np.nan,

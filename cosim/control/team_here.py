@@ -50,7 +50,7 @@ class TeamHere(Team):
         # A controller may keep the arrays that it gets, and write to them.
         own_acceleration = None if acceleration is None else acceleration.copy()
         own_desired = fc.Desired(*(part.copy() for part in desired))
-        self._given = pose[self.poses].copy(), self._seen(leader.copy(), own_acceleration), own_desired
+        self._given = pose[self.poses].copy(), self.view.seen(leader.copy(), own_acceleration), own_desired
         self._velocity: dict[str, Any] = {"velocity": velocity[self.velocities].copy()} if self.measured else {}
 
     def step(self, time: float, *, first: bool) -> NDArray[np.float64]:
